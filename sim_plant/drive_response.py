@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from sim_plant.machine import DRIVE_PWM_HZ, MachineSpec
+from sim_plant.machine import DRIVE_PWM_HZ, GRAVITY, MachineSpec
 
-GRAVITY: Final = 9.81
-"""m/s²."""
+RATED_V: Final = 12.0
+"""Of a lead battery of six cells: at which a drive's speed is stated."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +23,7 @@ class DriveResponse:
 
 
 def drive_response(
-    spec: MachineSpec, battery_v: float, pwm_hz: float = DRIVE_PWM_HZ
+    spec: MachineSpec, battery_v: float = RATED_V, pwm_hz: float = DRIVE_PWM_HZ
 ) -> DriveResponse:
     """At a battery voltage, under load."""
     d = spec.drive

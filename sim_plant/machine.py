@@ -24,7 +24,7 @@ from sim_plant.strict import NotNegative, Positive, Strict
 
 STEP_S: Final = 0.001
 """The step that the constants' accuracy was checked with; `step` takes any up to some 2 ms."""
-_GRAVITY: Final = 9.81
+GRAVITY: Final = 9.81
 """m/s²."""
 
 
@@ -508,7 +508,7 @@ def step(state: Any, params: Any, given: Any, dt: float) -> None:
         s.drive_a, drive_duty, u.drive_brake, u.drive_one_way, s.battery_v,
         p.dr_drop, p.dr_r, p.dr_l, p.dr_k * s.wheel_v, dt,
     )  # fmt: skip
-    weight = p.dr_mass * _GRAVITY
+    weight = p.dr_mass * GRAVITY
     pull = p.dr_k * s.drive_a + weight * math.sin(u.pitch)
     drag = p.dr_rolling * weight * math.cos(u.pitch) + u.load_n + p.dr_cutting * u.cutting
     s.wheel_v = _slide(s.wheel_v, pull, drag, drag, 0.0, p.dr_mass, dt)

@@ -22,8 +22,6 @@ from sim_plant.drive_response import drive_response
 
 COVERED: Final = 0.95
 """A finished field of which less is cut has gone wrong, too."""
-RATED_V: Final = 12.0
-"""At which a drive's speed is stated."""
 KNOWN: Final = 0.05
 """A circumstance counts where chance would show it in less than this share of cases."""
 LIKELIER: Final = 1.2
@@ -38,7 +36,7 @@ def circumstances(scenario: Scenario) -> dict[str, float | str | bool]:
     headings = np.arctan2(sides[:, 1], sides[:, 0])
     turns = (headings - np.roll(headings, 1) + math.pi) % math.tau - math.pi
     angles = 180.0 - np.degrees(turns)
-    drive = drive_response(scenario.machine, RATED_V)
+    drive = drive_response(scenario.machine)
     return {
         "mount": scenario.camera,
         "shape": scenario.name,

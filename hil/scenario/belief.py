@@ -82,7 +82,9 @@ class Errors(Strict):
     drive: NotNegative = 0.03
     """Share of the speed at full duty,"""
     dead_duty: NotNegative = 0.01
-    """and of the full duty that only just moves the machine: what `calibrate drive` leaves."""
+    """and of the full duty that only just moves the machine;"""
+    drive_lag: NotNegative = 0.2
+    """share of the lag of its speed: what `calibrate drive` leaves of them."""
     pot_deg: NotNegative = 1.0
     """Of the steering pot's middle."""
     delay_s: NotNegative = 0.05
@@ -327,13 +329,13 @@ def measured_vehicle(world: World, camera: str, errors: Errors, draw: Draw) -> V
     )
     values = {name: getattr(m, name) + draw(name, errors.tape_m) for name in lengths}
     hall = m.drive.hall_pulses_per_m * (1 + draw("hall", errors.hall))
-    drive = drive_response(m, Vehicle().nominal_battery_v)
+    drive = drive_response(m)
     base = Vehicle(
         **values,
         hall_pulses_per_m=hall,
         full_duty_speed_mps=drive.full_mps * (1 + draw("drive", errors.drive)),
         dead_duty=max(0.0, drive.dead + draw("dead", errors.dead_duty)),
-        drive_lag_s=drive.lag_s,
+        drive_lag_s=drive.lag_s * (1 + draw("lag", errors.drive_lag)),
         crop_height_m=max(0.1, world.field.crop_height_m + draw("crop", errors.crop_m)),
         camera_delay_s=max(0.0, lens.delay_s + draw("delay", errors.delay_s)),
     )
@@ -530,7 +532,7 @@ def wrong_by(told: Told, world: World) -> dict[str, float]:
     usual = protocol.PARAMS["pot_centre"]
     centre = told.parameters.get("pot_centre", usual.from_raw(usual.default_raw))
     hall = m.drive.hall_pulses_per_m
-    drive = drive_response(m, v.nominal_battery_v)
+    drive = drive_response(m)
     return {
         "boundary_m": boundary_off_m(told.boundary, world),
         "gap_m": told.gap_m - world.field.gap_m,

@@ -17,7 +17,6 @@ from hil.bench.harvest import harvest
 from hil.bench.wrong_pictures import WrongPictures
 from hil.judge.figures import MARKS
 from hil.scenario.scenario import Scenario, changed, load, merge
-from host.core.vehicle import Vehicle
 from host.core.whole_file import save_text
 from host.field.boundary_file import UNKNOWN_SIGMA_M
 from sim_plant.drive_response import drive_response
@@ -96,7 +95,7 @@ def pot_scaled_by(share: float) -> dict[str, Any]:
     return {"machine": off, "belief": SAID}
 
 
-DRIVE: Final = drive_response(MachineSpec(), Vehicle().nominal_battery_v)
+DRIVE: Final = drive_response(MachineSpec())
 """What the owner has measured before other motors were fitted."""
 
 

@@ -49,7 +49,8 @@ from host.core.whole_file import save_text
 from host.field.boundary_file import boundary_of, save_field
 from host.tune.actuator_model import ActuatorModel
 from host.tune.checkerboard import Board, Lens, calibrate_lens, calibrate_mount, corners
-from host.tune.measured_drive import TAPE_SIGMA_M, MeasuredDrive, Taped, Way, measure_drive
+from host.tune.measured_drive import MeasuredDrive, Taped, Way, measure_drive
+from host.tune.taped_drive import TAPE_SIGMA_M
 from host.tune.weaving import measured_delay
 from sim_plant.camera import CameraSpec
 from sim_plant.drive_response import drive_response
@@ -75,8 +76,6 @@ BY_HAND: Final = 0.05
 """Share of the pulses a metre by ten turns of a wheel on stands (docs/build/first-power-up.md)."""
 LAG_SHARE: Final = 0.15
 """Of the drive's lag: what bumps under the starts leave of it."""
-NOMINAL_V: Final = Vehicle().nominal_battery_v
-"""At which a drive's speed is stated."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -349,7 +348,7 @@ def _boarded(world: World, lens: Lens, mount: Mount) -> dict[str, Value]:
 def _driven(
     world: World, drive: MeasuredDrive, parameters: Mapping[str, float]
 ) -> dict[str, Value]:
-    true = drive_response(world.machine, NOMINAL_V)
+    true = drive_response(world.machine)
     pulses = world.machine.drive.hall_pulses_per_m
     steering, curve, taped = world.machine.steering, drive.curve, drive.taped
     how = "drive there and back"

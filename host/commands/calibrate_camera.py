@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 import yaml
 
-from host.commands.options import mount_option
+from host.commands.options import mount_option, written_vehicle_option
 from host.core.number_range import NumberRange, WholeRange
 from host.core.output_place import check_file
 from host.core.terminal import echo
@@ -60,12 +60,7 @@ FARTHEST_M = 20.0
     show_default=True,
     help="The same, to the left, m.",
 )
-@click.option(
-    "--vehicle",
-    type=click.Path(path_type=Path),
-    help="The machine's file: the mount is written into it. It is made where it is not there; "
-    "comments in it are lost.",
-)
+@written_vehicle_option("the mount")
 @mount_option
 @click.option(
     "--out",

@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from host.commands.moving import asked, consent, countdown_option, stopped_after, yes_option
-from host.commands.options import mount_option, port_option
+from host.commands.options import mount_option, port_option, written_vehicle_option
 from host.core.output_place import check_file
 from host.core.progress import Watch
 from host.core.terminal import echo
@@ -37,12 +37,7 @@ WILL = (
 @click.command()
 @port_option
 @click.option("--camera", required=True, metavar="URL", help="http://..., /dev/videoN.")
-@click.option(
-    "--vehicle",
-    type=click.Path(path_type=Path),
-    help="The machine's file: the delay is written into it. It is made where it is not there; "
-    "comments in it are lost.",
-)
+@written_vehicle_option("the delay")
 @mount_option
 @yes_option
 @countdown_option

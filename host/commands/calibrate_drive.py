@@ -10,8 +10,8 @@ from typing import Final
 import click
 from rich.table import Table
 
-from host.commands.moving import asked, consent, countdown_option, stopped_after
-from host.commands.options import port_option
+from host.commands.moving import asked, consent, count_down, countdown_option, stopped_after
+from host.commands.options import port_option, written_vehicle_option
 from host.core.number_range import NumberRange
 from host.core.output_place import check_file
 from host.core.terminal import PlainConsole, echo
@@ -37,14 +37,23 @@ ROOM: Final = (
 )
 
 
-class Tapes:
-    """Asks the operator at the terminal what a tape says of each way, the link kept alive."""
+class Beside:
+    """The operator at the terminal, who tapes the ways; the link is kept alive meanwhile."""
 
-    def __init__(self, operator: Operator, link: Link) -> None:
+    def __init__(self, operator: Operator, link: Link, countdown_s: int) -> None:
         self._operator = operator
         self._link = link
+        self._countdown_s = countdown_s
 
-    def __call__(self, way: Way) -> Taped:
+    def ready(self, way: Way) -> None:
+        """Whoever has taped the last way stands in this one: it is told, and counted down. The
+        first was when the operator agreed."""
+        echo(str(way))
+        if way.number > 0:
+            count_down(self._operator, self._link, self._countdown_s, f"{way}: broken off")
+
+    def tape(self, way: Way) -> Taped:
+        """What the tape says."""
         along = self._number(
             f"{way}: it stands. By the tape, how far has it come along the line, m?", 0.0
         )
@@ -90,13 +99,7 @@ def _table(found: MeasuredDrive, vehicle: Vehicle, before: Mapping[str, float]) 
 
 @click.command()
 @port_option
-@click.option(
-    "--vehicle",
-    type=click.Path(path_type=Path),
-    required=True,
-    help="The machine's file: what is found is written into it. It is made where it is not there; "
-    "comments in it are lost.",
-)
+@written_vehicle_option("what is found", required=True)
 @click.option(
     "--length",
     "length_m",
@@ -114,8 +117,9 @@ def calibrate_drive(
     and writes them into firmware and vehicle file.
 
     Put the machine on firm, level ground, a tape beside it. It drives ahead and back, slowly and at
-    the cutting speed, its blade off, and asks what the tape says. The machine does not see people,
-    animals or posts: keep everybody 10 m away and stay beside the emergency stop.
+    the cutting speed, its blade off, and asks what the tape says. Before each way it counts down.
+    The machine does not see people, animals or posts: keep everybody 10 m away and stay beside the
+    emergency stop.
 
     Ctrl-C stops at once. Exits with 0 when all was found, 2 where it could not start or the ways do
     not tell, 4 when a fault ended a way, 130 after Ctrl-C."""
@@ -135,8 +139,10 @@ def calibrate_drive(
             echo("it has no wheel sensor (hall_per_metre 0): each way is taped")
         consent(operator, link, countdown_s, yes=False)
         with stopped_after(link):
-            tapes = Tapes(operator, link)
-            found = measure_drive(LinkWire(link), port, machine, before, length_m, tapes, echo)
+            hand = Beside(operator, link, countdown_s)
+            found = measure_drive(
+                LinkWire(link), port, machine, before, length_m, hand.tape, hand.ready
+            )
         PlainConsole().print_table(_table(found, machine, before))
         recalibrate(link, found.params(before))
         if keep:

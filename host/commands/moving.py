@@ -49,8 +49,13 @@ def consent(operator: Operator, link: Link, countdown_s: int, *, yes: bool) -> N
     """Waits for the word, or not where `yes`, and counts down. UserError where it is refused."""
     if not yes and operator.answer(f"type {WORD} and Enter (Ctrl-C ends)", link) != WORD:
         raise UserError("not started; nothing has moved")
+    count_down(operator, link, countdown_s, "broken off before the start; nothing has moved")
+
+
+def count_down(operator: Operator, link: Link, countdown_s: int, broken_off: str) -> None:
+    """Before each motion. UserError, saying `broken_off`, where Enter ends it."""
     if not operator.countdown(countdown_s, link):
-        raise UserError("broken off before the start; nothing has moved")
+        raise UserError(broken_off)
 
 
 @contextmanager

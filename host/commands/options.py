@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -21,6 +23,19 @@ gyro_option = click.option(
 vehicle_option = click.option(
     "--vehicle", type=click.Path(path_type=Path), help="The machine's file."
 )
+
+
+def written_vehicle_option(what: str, *, required: bool = False) -> Callable[[Any], Any]:
+    """Of a command that writes what it has measured into the machine's file."""
+    return click.option(
+        "--vehicle",
+        type=click.Path(path_type=Path),
+        required=required,
+        help=f"The machine's file: {what} is written into it. It is made where it is not there; "
+        "comments in it are lost.",
+    )
+
+
 mount_option = click.option(
     "--mount", default="mast", show_default=True, help="Which of its camera mounts."
 )

@@ -15,9 +15,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from host.core.compiled import compiled
 from host.core.messages import Fix, Telemetry
 from host.core.vehicle import Vehicle
+from host.estimate.recursive_fit import learn
 
 LOSS_MPS: Final = ((0.0, 0.05), (0.0, 0.1), (0.0, 0.1), (0.05, 0.05))
 """Mean and standard deviation before anything is learned: of rolling beside the curve that was
@@ -36,31 +36,6 @@ SCALE: Final = 0.02
 """Of the way, at least: wheel slip and the lag."""
 BUMPS_MPS: Final = 0.06
 """What a metre of ground takes or gives that is 1.3 degrees steeper than the field."""
-
-
-@compiled("(f8[::1], f8[:, ::1], f8[::1], f8, f8, f8)")
-def _learn(
-    x: NDArray[np.float64],
-    p: NDArray[np.float64],
-    h: NDArray[np.float64],
-    lost_mps: float,
-    noise_mps: float,
-    dt: float,
-) -> None:
-    """One step of the fit, in place."""
-    ph = np.zeros(4)
-    variance, off = noise_mps**2, lost_mps
-    for k in range(4):
-        p[k, k] += WALK_MPS[k] ** 2 * dt
-        off -= h[k] * x[k]
-    for k in range(4):
-        for n in range(4):
-            ph[k] += p[k, n] * h[n]
-        variance += h[k] * ph[k]
-    for k in range(4):
-        x[k] += ph[k] / variance * off
-        for n in range(4):
-            p[k, n] -= ph[k] * ph[n] / variance
 
 
 class DutySpeed:
@@ -104,7 +79,8 @@ class DutySpeed:
         shown = abs(self._shown)
         if fix.speed_mps is None or fix.quality == 0 or shown < LEAST_MPS:
             return
-        _learn(self._loss, self._p, self._acts * self._h, shown - fix.speed_mps, SHOWN_MPS, dt)
+        lost_mps, acts = shown - fix.speed_mps, self._acts * self._h
+        learn(self._loss, self._p, acts, lost_mps, SHOWN_MPS**2, np.square(WALK_MPS) * dt)
 
     @property
     def unsure_mps(self) -> float:

@@ -13,10 +13,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from host.core.compiled import compiled
 from host.core.messages import Telemetry
 from host.core.vehicle import Vehicle
 from host.estimate.climb import Climb
+from host.estimate.recursive_fit import learn
 
 PRIOR_MPS: Final = (0.1, 0.3, 0.3, 0.15)
 """Standard deviations of what rolling, slopes and crop before the blade take of the duty's
@@ -25,6 +25,8 @@ NOISE_MPS: Final = 0.2
 """Of one telemetry's speed; bumps last for some ten of them."""
 DRIFT_MPS: Final = 0.002
 """Growth with each: the ground is no plane, and dead reckoning turns."""
+GROWTH: Final = np.full(4, DRIFT_MPS**2)
+"""The same, as variances."""
 STEADY_S: Final = 1.0
 """After the drive is switched, until speed and lie are the ground's and not the start's."""
 STOPS_S: Final = 0.3
@@ -45,28 +47,6 @@ TURNED_M: Final = 0.04
 again, by such a factor at least after so far (two pulses), has turned round."""
 
 
-@compiled("(f8[::1], f8[:, ::1], UniTuple(f8, 4), f8)")
-def _learn(
-    x: NDArray[np.float64],
-    p: NDArray[np.float64],
-    h: tuple[float, float, float, float],
-    lost_mps: float,
-) -> None:
-    """One step of the fit, in place, compiled: telemetry comes fifty times a second."""
-    ph = np.zeros(4)
-    variance, off = NOISE_MPS**2, lost_mps
-    for k in range(4):
-        p[k, k] += DRIFT_MPS**2
-        off -= h[k] * x[k]
-        for n in range(4):
-            ph[k] += p[k, n] * h[n]
-        variance += h[k] * ph[k]
-    for k in range(4):
-        x[k] += ph[k] / variance * off
-        for n in range(4):
-            p[k, n] -= ph[k] * ph[n] / variance
-
-
 class Slope:
     """A recursive least squares fit of (rolling loss, uphill x, uphill y, crop's drag), m/s of the
     duty's speed, in dead reckoning's frame."""
@@ -78,8 +58,8 @@ class Slope:
     def learn(self, yaw_rad: float, speed_mps: float, duty_mps: float, *, cutting: bool) -> None:
         """Driving steadily and straight at a speed whose duty gives duty_mps on the level."""
         sign = math.copysign(1.0, speed_mps)
-        h = (1.0, sign * math.cos(yaw_rad), sign * math.sin(yaw_rad), float(cutting))
-        _learn(self._x, self._p, h, abs(duty_mps) - abs(speed_mps))
+        h = np.array([1.0, sign * math.cos(yaw_rad), sign * math.sin(yaw_rad), float(cutting)])
+        learn(self._x, self._p, h, abs(duty_mps) - abs(speed_mps), NOISE_MPS**2, GROWTH)
 
     def rolls(self, yaw_rad: float) -> int:
         """1 where a machine with this yaw rolls forward, -1 where backward, 0 where that is not

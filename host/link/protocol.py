@@ -1492,7 +1492,7 @@ PARAMS: dict[str, ParamSpec] = {
         0,
         2000,
         "s",
-        "with which the speed follows the duty: the speed loop asks no more of the machine. 0: at once",
+        "lag with which the speed follows the duty; what a moving machine lacks because of it does not count for the speed loop's integral. 0: none",
     ),
 }
 

@@ -30,7 +30,7 @@ APART: Final = 1.4
 """Of the fast legs' speed over the slow ones': nearer together they do not tell where the line
 begins."""
 DEAD_MOST: Final = 0.45
-"""Of a bridge, gear and tyres that a harvest can be driven with."""
+"""Of the full duty: a drive of which more is lost leaves nothing for crop and slopes."""
 LAG_S: Final = (0.03, 2.0)
 """Bounds of the lag that is looked for,"""
 LAG_BEGIN_S: Final = 0.25
@@ -106,6 +106,11 @@ def drive_curve(slow: Sequence[Leg], fast: Sequence[Leg]) -> DriveCurve:
             f"and {high[1]:.2f} m/s at {100 * high[0]:.0f} %. Drive them on firm, level ground"
         )
     full, dead = _line(low, high)
+    if dead > DEAD_MOST:
+        raise UserError(
+            f"the drive needs {100 * dead:.0f} % of the full duty only to move: see whether a "
+            "wheel or the brake drags, the tyres are flat, the bridge or the battery is weak"
+        )
     off = []
     for which, legs in enumerate((slow, fast)):
         share = 1.0 / math.sqrt(len(legs))
@@ -116,7 +121,7 @@ def drive_curve(slow: Sequence[Leg], fast: Sequence[Leg]) -> DriveCurve:
             moved = _line(*ends)
             off.append((moved[0] - full, moved[1] - dead))
     full_sigma, dead_sigma = np.sqrt(np.sum(np.square(off), axis=0)).tolist()
-    return DriveCurve(full, full_sigma, min(max(dead, 0.0), DEAD_MOST), dead_sigma)
+    return DriveCurve(full, full_sigma, max(dead, 0.0), dead_sigma)
 
 
 def _line(low: Floats, high: Floats) -> tuple[float, float]:

@@ -26,11 +26,11 @@ from host.tune.drive_curve import (
 )
 from host.tune.free_ground import Driver, driver
 from host.tune.pot_calibration import straightened
-from host.tune.taped_drive import TapedDrive, taped_drive
+from host.tune.taped_drive import TAPE_SIGMA_M, TapedDrive, taped_drive
 from host.tune.wire import Wire
 
 SLOW: Final = 0.4
-"""Of the fast legs' speed, which is the cutting speed: as slow as the pilot ever drives."""
+"""Of the fast legs' speed, which is the cutting speed: about as slow as the pilot drives."""
 SLOW_UNCOUNTED: Final = 0.65
 """The same where no sensor counts: whose dead duty is not known yet goes much slower than asked."""
 SETTLES_S: Final = 2.5
@@ -48,8 +48,6 @@ COUNTED_M: Final = 0.02
 """What a count of pulses may miss between two moments: a pulse at 50 a metre."""
 TIMED_S: Final = 0.15
 """What ramps, lag and coasting leave between a command's time and the drive's."""
-TAPE_SIGMA_M: Final = 0.02
-"""Of a tape over 10 m of stubble; by judgement."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +75,8 @@ class Taped:
 
 Tape = Callable[[Way], Taped]
 """Asked when the machine stands."""
+Ready = Callable[[Way], None]
+"""Told before the machine sets off on a way; UserError where it must not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,15 +155,16 @@ def measure_drive(
     params: Mapping[str, float],
     length_m: float,
     tape: Tape,
-    say: Callable[[str], None] = lambda _: None,
+    ready: Ready = lambda _: None,
 ) -> MeasuredDrive:
-    """Drives the ways and fits. Armed for each way alone: a tape takes its time. `params`: the
-    firmware's parameters. UserError where the machine stops, or a way does not tell."""
+    """Drives the ways and fits. Armed for each way alone: whoever tapes stands beside it. `params`:
+    the firmware's parameters. UserError where a way does not tell, FaultError where the firmware
+    stops the machine."""
     pulses = params["hall_per_metre"]
     driven: list[_Driven] = []
     fast_mps = min(vehicle.cutting_speed_mps, params["speed_max"])
     for way in ways(fast_mps, length_m, counted=pulses > 0):
-        say(str(way))
+        ready(way)
         with driver(wire, name) as armed:
             armed.steer(0.0)
             seen, commanded_s = _drive(armed, way, counted=pulses > 0)
@@ -182,7 +183,6 @@ def measure_drive(
         first.taped.along_m,
         first.taped.aside_m,
         vehicle.wheelbase_m,
-        TAPE_SIGMA_M,
     )
     scale = pulses / found.pulses_per_m if found.pulses_per_m else 0.0
     nominal_v = vehicle.nominal_battery_v

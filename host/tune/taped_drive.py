@@ -8,8 +8,10 @@ from typing import Final
 
 from host.core.errors import UserError
 
+TAPE_SIGMA_M: Final = 0.02
+"""Of a tape over 10 m of stubble; by judgement."""
 LEAST_M: Final = 3.0
-"""A tape's 2 cm are below a per cent of it."""
+"""What a tape errs is below a per cent of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +32,6 @@ def taped_drive(
     taped_m: float,
     aside_m: float,
     wheelbase_m: float,
-    tape_sigma_m: float = 0.02,
 ) -> TapedDrive:
     """From a drive that was told to go straight: what was counted with the present pulses a metre
     (None: nothing counts), and by tape how far it came and how far to the left of straight.
@@ -44,10 +45,10 @@ def taped_drive(
     turned = 2 * math.atan2(aside_m, taped_m)
     way = turned / bend if abs(bend) > 1e-6 else taped_m
     found = None if counted_m is None else pulses_per_m * counted_m / way
-    unsure = 2 * tape_sigma_m / taped_m**2
+    unsure = 2 * TAPE_SIGMA_M / taped_m**2
     return TapedDrive(
         found,
-        (found or 0.0) * tape_sigma_m / taped_m,
+        (found or 0.0) * TAPE_SIGMA_M / taped_m,
         math.degrees(math.atan(bend * wheelbase_m)),
         math.degrees(unsure * wheelbase_m),
     )

@@ -20,7 +20,7 @@ constexpr int32_t kErrorMax = 10000;  // mm/s, keeps the products within 32 bits
 constexpr int32_t kFreshMax = 1000;   // pulses in a tick
 constexpr int32_t kFull = int32_t{255} << 16;
 constexpr int32_t kHalf = int32_t{1} << 15;
-constexpr int32_t kWhole = int32_t{1} << 14;  // of what the expected speed lacks
+constexpr int32_t kWhole = int32_t{1} << 14;  // the share that is all of it
 }  // namespace
 
 void Hall::configure(const Params &params) {

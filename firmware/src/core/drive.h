@@ -72,9 +72,9 @@ class Hall {
   bool rolls_ = false;  // since it is driven, it has broken away
 };
 
-// Soft start, feed-forward, and, where a hall sensor is configured, a speed loop around the speed
-// that the machine's lag lets it have (a PI controller with a reference model: Åström and Murray,
-// Feedback Systems, 2nd ed., 12.2).
+// Soft start, feed-forward, and, where a hall sensor is configured, a speed loop. Its integral is
+// of what lacks to the speed that the machine's lag lets it have (a reference model: Åström and
+// Murray, Feedback Systems, 2nd ed., 12.2).
 class Drive {
  public:
   void configure(const Params &params);

@@ -470,7 +470,7 @@ enum class Param : uint8_t {
   blade_turn_min,  // 1 pulses/s; what the blade's sensor gives at least while the blade turns; 0: no sensor fitted
   blade_spin_time,  // 1 ms; longest time that the blade takes to start, and to stop
   hall_phases,  // hall sensors on the wheel; 2, a quarter of a pulse apart, tell the direction
-  drive_lag,  // 0.001 s; with which the speed follows the duty: the speed loop asks no more of the machine. 0: at once
+  drive_lag,  // 0.001 s; lag with which the speed follows the duty; what a moving machine lacks because of it does not count for the speed loop's integral. 0: none
 };
 constexpr uint8_t kParams = 52;
 

@@ -52,7 +52,7 @@ class Command:
         main = "from host.commands.cli import main; main()"
         words = ["calibrate", "drive", "--port", rig.about["port"], "--vehicle", str(file)]
         self.process = subprocess.Popen(
-            [sys.executable, "-uc", main, *words, "--countdown", "0", *options],
+            [sys.executable, "-uc", main, *words, "--countdown", "1", *options],
             stdin=self.terminal.stdin,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -103,8 +103,11 @@ def test_a_tape_and_four_ways_tell_what_the_drive_is(rig: Rig, tmp_path: Path) -
     command.type(round(dx * math.cos(yaw) + dy * math.sin(yaw), 2))
     command.until("left of the line, m?")
     command.type(round(dy * math.cos(yaw) - dx * math.sin(yaw), 2))
+    command.until("starts in 1 s")
+    assert rig.do()["pose"] == pytest.approx(pose, abs=0.01), "it waits for who taped"
     code, said, err = command.ended()
     assert code == 0, err
+    assert said.count("starts in 1 s") == 2
     assert "saved in the firmware" in said
     assert "stopped: the firmware confirms" in said
     found = load_vehicle(file)

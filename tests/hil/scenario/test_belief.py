@@ -82,6 +82,7 @@ def test_each_error_reaches_what_it_is_of() -> None:
         "hall": ("vehicle", 0.3),
         "drive": ("vehicle", 0.3),
         "dead_duty": ("vehicle", 0.06),
+        "drive_lag": ("vehicle", 0.5),
         "delay_s": ("vehicle", 0.1),
         "crop_m": ("vehicle", 0.2),
         "gap_m": ("gap_m", 1.0),
@@ -102,7 +103,7 @@ def test_each_error_reaches_what_it_is_of() -> None:
             if getattr(errs.told, key) != getattr(knows.told, key)
         }
         along = {"walk_cep_m": {"keep_outs"}}.get(name, set())
-        if name in ("hall", "drive", "dead_duty"):
+        if name in ("hall", "drive", "dead_duty", "drive_lag"):
             along = {"parameters"}
         assert changes == {part} | along, name
 
@@ -126,6 +127,7 @@ def test_exact_is_the_truth() -> None:
         drive = drive_response(machine, vehicle.nominal_battery_v)
         assert vehicle.full_duty_speed_mps == told.parameters["speed_full"] == drive.full_mps
         assert vehicle.dead_duty == drive.dead
+        assert vehicle.drive_lag_s == told.parameters["drive_lag"] == drive.lag_s
 
 
 def test_what_is_drawn_lies_within_what_tape_and_level_leave_and_is_the_same_again() -> None:

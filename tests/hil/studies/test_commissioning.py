@@ -22,9 +22,11 @@ from hil.studies.commissioning import (
     free_ground,
 )
 from hil.studies.steering_setup import steering_setup
+from hil.studies.yard_wire import BenchWire
 from host.core.errors import UserError
 from host.link import protocol
 from host.pilot.phase import Phase
+from host.tune.measured_drive import Taped, Way, measure_drive
 from sim_plant.drive_response import drive_response
 
 PARAMS = {name: spec.from_raw(spec.default_raw) for name, spec in protocol.PARAMS.items()}
@@ -83,14 +85,46 @@ def test_a_drive_of_any_motors_is_found(seed: int) -> None:
     true = drive_response(spec, scenario.told.vehicle.nominal_battery_v)
     pulses = spec.drive.hall_pulses_per_m
     new = {"speed_full": PARAMS["speed_full"], "drive_min_duty": 0.0}
-    by_hand = scenario.told.parameters | new | {"hall_per_metre": round(0.96 * pulses, 1)}
+    centre = spec.steering.pot_centre_counts
+    askew = {name: scenario.told.parameters[name] + 9.0 for name in ("pot_left", "pot_right")}
+    askew["pot_centre"] = round(centre) + 9.0
+    by_hand = scenario.told.parameters | new | askew
+    by_hand["hall_per_metre"] = round(0.96 * pulses, 1)
     found = found_by_tape(scenario, scenario.told.vehicle, by_hand, Draw(seed).rng("tape"))
     assert found.curve.full_mps == pytest.approx(true.full_mps, rel=0.03)
     assert found.curve.dead == pytest.approx(true.dead, abs=0.01)
     assert found.curve.lag_s == pytest.approx(true.lag_s, rel=0.3)
     # tyres slip: the ground passes by a little slower than the wheels
+    assert found.params(PARAMS | by_hand)["pot_centre"] == pytest.approx(centre, abs=2.0)
     assert found.taped.pulses_per_m is not None
     assert 1.0 <= found.taped.pulses_per_m / pulses < 1.03
+
+
+@needs_firmware
+def test_before_each_way_it_is_asked_whether_the_machine_may_go() -> None:
+    """Whoever has taped a way stands in the next one."""
+    scenario = random_field(3)
+    held = PARAMS | scenario.told.parameters
+    asked: list[float] = []
+
+    def ready(way: Way) -> None:
+        asked.append(way.speed_mps)
+        if len(asked) == 2:
+            raise UserError("somebody stands there")
+
+    with free_ground(scenario, scenario.told.parameters) as bench:
+        begun = bench.pose
+
+        def tape(_: Way) -> Taped:
+            return Taped(bench.pose[0] - begun[0])
+
+        with pytest.raises(UserError, match="somebody"):
+            measure_drive(BenchWire(bench), "yard", scenario.told.vehicle, held, 6.0, tape, ready)
+        stood = bench.pose
+        bench.advance(bench.now + 3.0)
+        assert bench.pose[0] == pytest.approx(stood[0], abs=0.02)
+    assert asked == pytest.approx([0.2, -0.2])
+    assert stood[0] - begun[0] == pytest.approx(6.0, abs=0.5)
 
 
 @needs_firmware

@@ -5,10 +5,8 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -18,12 +16,11 @@ from host.core.errors import EXIT_FAULT, EXIT_INTERRUPTED, EXIT_USER, FaultError
 from host.core.vehicle import MAST
 from host.core.vehicle_file import load_vehicle
 from host.link import protocol
-from host.sensors.camera_stream import Picture
-from host.sensors.newest import Feed
 from host.tune.camera_delay import Delay
 from host.tune.wire import Wire
 from tests.helpers.console import Cli
 from tests.helpers.fake_firmware import RESTING, FakeFirmware
+from tests.helpers.steady_phone import always
 from tests.helpers.terminal import Terminal
 
 CALIBRATE = ("calibrate", "delay", "--camera", "http://127.0.0.1:1/video", "--countdown", "0")
@@ -42,16 +39,7 @@ def ready(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def camera(monkeypatch: pytest.MonkeyPatch) -> None:
     """A phone that always shows the same."""
-
-    def source(feed: Feed[Picture]) -> Iterator[Picture]:
-        while not feed.stopping:
-            yield Picture(feed.clock(), JPEG)
-            feed.pause(0.05)
-
-    def made(_url: str, clock: Callable[[], float], report: Callable[[str], None]) -> Any:
-        return Feed("camera", source, clock, report)
-
-    monkeypatch.setattr("host.commands.calibrate_delay.camera_feed", made)
+    monkeypatch.setattr("host.commands.calibrate_delay.camera_feed", always(JPEG))
 
 
 def drives(monkeypatch: pytest.MonkeyPatch, ends: Delay | BaseException | None) -> list[float]:

@@ -6,7 +6,7 @@ import os
 import select
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,11 +29,10 @@ from host.runs.errand import Errand, errand_of
 from host.runs.operator import Operator
 from host.runs.record import Recorder, read, unused
 from host.runs.resume import Progress, digest
-from host.sensors.camera_stream import Picture
-from host.sensors.newest import Feed
 from host.vision.view import CropView
 from tests.helpers.console import Cli
 from tests.helpers.fake_firmware import RESTING, FakeFirmware
+from tests.helpers.steady_phone import always
 from tests.helpers.terminal import Terminal
 
 LIMIT_S = 10.0
@@ -65,16 +64,7 @@ def fix_at(x: float, y: float) -> Fix:
 @pytest.fixture
 def camera(monkeypatch: pytest.MonkeyPatch) -> None:
     """A phone that always shows the same grey."""
-
-    def source(feed: Feed[Picture]) -> Iterator[Picture]:
-        while not feed.stopping:
-            yield Picture(feed.clock(), JPEG)
-            feed.pause(0.05)
-
-    def made(_url: str, clock: Callable[[], float], report: Callable[[str], None]) -> Any:
-        return Feed("camera", source, clock, report)
-
-    monkeypatch.setattr("host.runs.session.camera_feed", made)
+    monkeypatch.setattr("host.runs.session.camera_feed", always(JPEG))
 
 
 GIVEN = ("drive", "--camera", "http://127.0.0.1:1/video", "--port")

@@ -70,6 +70,11 @@ def test_ways_that_make_no_line_are_refused(slow: Leg, fast: Leg) -> None:
         drive_curve([slow, slow], [fast, fast])
 
 
+def test_a_drive_that_drags_is_named_and_not_taken_for_a_better_one() -> None:
+    with pytest.raises(UserError, match="needs 50 % of the full duty only to move"):
+        drive_curve([leg(1.5, 0.5, 0.2)], [leg(1.5, 0.5, 0.5)])
+
+
 @pytest.mark.parametrize("lag", [0.1, 0.3, 0.7])
 def test_starts_on_bumps_of_their_own_tell_the_lag(lag: float) -> None:
     curve = DriveCurve(1.2, 0.0, 0.1, 0.0)
