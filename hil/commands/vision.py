@@ -133,6 +133,9 @@ def photographed(folder: Path, mode: Mode) -> dict[str, list[Said]]:
               help="Instead of a random one between 0 and 0.6.")  # fmt: skip
 @click.option("--trouble", "troubles", multiple=True, metavar="NAME",
               help=f"Of the camera, besides none: {', '.join((*EACH, *TROUBLES))}.")  # fmt: skip
+@click.option("--own", is_flag=True,
+              help="Each edge with lengths, mount and lens of its own, as random fields have them; "
+                   "else those of the drawing.")  # fmt: skip
 @click.option("--photographs", type=click.Path(path_type=Path, file_okay=False, exists=True),
               help="Folder of labelled data (wheat-edge/), to be judged besides.")  # fmt: skip
 @click.option("--beside", type=WholeRange(1, 10_000), metavar="N",
@@ -150,6 +153,7 @@ def vision(
     length_m: float,
     dust: float | None,
     troubles: tuple[str, ...],
+    own: bool,
     photographs: Path | None,
     beside: int | None,
     seed: int,
@@ -172,7 +176,9 @@ def vision(
         _show_beside(seed, beside, names, out)
         return
     count = max(1, round(1e3 * km / length_m / len(names)))
-    make = partial(Drive, seed=seed, mode=mode, length_m=length_m, folder=str(out), dust=dust)
+    make = partial(
+        Drive, seed=seed, mode=mode, length_m=length_m, folder=str(out), dust=dust, own_machine=own
+    )
     drives = [
         make(number=n, mount=name, trouble=trouble)
         for trouble in chosen(troubles)
@@ -191,8 +197,8 @@ def vision(
     if photographs is not None:
         for title, said in photographed(photographs, mode).items():
             shown[title] = curve(said, WRONG)
-    record = {"mode": mode, "seed": seed, "length_m": length_m, "dust": dust, "mounts": figures,
-              "curves": shown}  # fmt: skip
+    record = {"mode": mode, "seed": seed, "length_m": length_m, "dust": dust, "own": own,
+              "mounts": figures, "curves": shown}  # fmt: skip
     save_text(out / "summary.json", json.dumps(record, indent=1) + "\n")
     draw_curves(shown, out / "curves.png")
     PlainConsole().print_table(show(figures))

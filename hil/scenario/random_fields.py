@@ -1,8 +1,9 @@
 """Random fields: what a season may bring, one scenario per seed.
 
-A drawn field is one that a tricycle of the default size can be expected to harvest: its area,
-sides, corners and narrowest place lie within the limits below, and a keep-out leaves the machine
-room on all sides. What lies beyond them the preview warns of before anything moves.
+A drawn field is one that its machine can be expected to harvest: its area, sides, corners and
+narrowest place lie within the limits below, and a keep-out leaves the machine room on all sides.
+What lies beyond them the preview warns of before anything moves. Lengths are for a machine of the
+default size, and grow with another's (`machine_size`).
 """
 
 from __future__ import annotations
@@ -15,18 +16,13 @@ import shapely
 from numpy.typing import NDArray
 from shapely import affinity
 
+from hil.scenario.drawn import Drawn
+from hil.scenario.drawn_machine import drawn_gyro, drawn_lens, drawn_machine
 from hil.scenario.scenario import Scenario
 from hil.scenario.world import Start
 from sim_plant.field_spec import FieldSpec, Point, Tree
 from sim_plant.gnss import GnssSpec
-from sim_plant.gyro import GyroSpec
-from sim_plant.machine import (
-    BatterySpec,
-    BridgeSpec,
-    DriveSpec,
-    MachineSpec,
-    SteeringSpec,
-)
+from sim_plant.machine import MachineSpec
 from sim_plant.sky import WeatherSpec
 
 Shape = Literal["rectangle", "trapezoid", "L", "irregular"]
@@ -85,8 +81,15 @@ def neck_m(ring: NDArray[np.float64]) -> float:
     return min(apart, default=math.inf)
 
 
-def good(ring: NDArray[np.float64]) -> bool:
-    """Whether a machine can turn at every corner, follow every side and pass everywhere."""
+def machine_size(machine: MachineSpec) -> float:
+    """The blade's line ahead of the rear axle, as a share of the default machine's, where that is
+    longer: turns, sides and passages need so much more."""
+    return max(1.0, machine.blade_x_m / MachineSpec().blade_x_m)
+
+
+def good(ring: NDArray[np.float64], size: float = 1.0) -> bool:
+    """Whether a machine of this size can turn at every corner, follow every side and pass
+    everywhere."""
     polygon = shapely.Polygon(ring)
     if not polygon.is_valid or not polygon.exterior.is_ccw:
         return False
@@ -95,9 +98,9 @@ def good(ring: NDArray[np.float64]) -> bool:
     convex = (angles >= CONVEX_DEG[0]) & (angles <= CONVEX_DEG[1])
     reflex = (angles >= REFLEX_DEG[0]) & (angles <= REFLEX_DEG[1])
     return bool(
-        lengths.min() >= MIN_SIDE_M
+        lengths.min() >= MIN_SIDE_M * size
         and (convex | reflex).all()
-        and neck_m(ring) >= MIN_NECK_M
+        and neck_m(ring) >= MIN_NECK_M * size
         and AREA_M2[0] <= polygon.area <= AREA_M2[1]
     )
 
@@ -122,8 +125,9 @@ def _drawn(rng: np.random.Generator, shape: Shape, count: int) -> NDArray[np.flo
     return ring
 
 
-def outline(rng: np.random.Generator, shape: Shape) -> Ring:
-    """Corners (m, to the centimetre) of a field, counter-clockwise, lying anyhow."""
+def outline(rng: np.random.Generator, shape: Shape, size: float) -> Ring:
+    """Corners (m, to the centimetre) of a field for a machine of this size, counter-clockwise,
+    lying anyhow."""
     count = int(rng.integers(5, 10))
     while True:
         ring = _drawn(rng, shape, count)
@@ -133,13 +137,14 @@ def outline(rng: np.random.Generator, shape: Shape) -> Ring:
         c, s = math.cos(turn), math.sin(turn)
         ring = ring @ np.array([[c, s], [-s, c]])
         ring = np.round(ring - ring.min(axis=0), 2)
-        if good(ring):
+        if good(ring, size):
             return tuple((float(x), float(y)) for x, y in ring)
 
 
-def keep_out(rng: np.random.Generator, ring: Ring) -> Ring | None:
-    """Corners of one that stands in a field, as it would be walked; None where there is no room."""
-    inside = shapely.Polygon(ring).buffer(-KEEP_OUT_FREE_M)
+def keep_out(rng: np.random.Generator, ring: Ring, size: float) -> Ring | None:
+    """Corners of one that stands in a field, as it would be walked; None where there is no room for
+    a machine of this size."""
+    inside = shapely.Polygon(ring).buffer(-KEEP_OUT_FREE_M * size)
     across = rng.uniform(*KEEP_OUT_M)
     turn = rng.uniform(0, 90)
     places = rng.random((200, 2))
@@ -158,25 +163,10 @@ def keep_out(rng: np.random.Generator, ring: Ring) -> Ring | None:
 # ---- the whole scenario --------------------------------------------------------------------------
 
 
-class Drawn:
-    """Numbers of a stream, rounded so that a file of them reads well."""
-
-    def __init__(self, *seed: int) -> None:
-        self.rng = np.random.default_rng(seed)
-
-    def within(self, low: float, high: float) -> float:
-        """Uniform between two."""
-        return round(float(self.rng.uniform(low, high)), 3)
-
-    def likely(self, share: float) -> bool:
-        """True in this share of the draws."""
-        return bool(self.rng.random() < share)
-
-
-def _walked_around(drawn: Drawn, ring: Ring) -> tuple[Ring | None, tuple[Tree, ...]]:
+def _walked_around(drawn: Drawn, ring: Ring, size: float) -> tuple[Ring | None, tuple[Tree, ...]]:
     """A keep-out and what stands in it; the numbers are drawn whether there is one or not."""
     wanted = drawn.likely(KEEP_OUT_SHARE)
-    walked = keep_out(drawn.rng, ring)
+    walked = keep_out(drawn.rng, ring, size)
     if not wanted or shapely.Polygon(ring).area < KEEP_OUT_MIN_M2:
         walked = None
     height = drawn.within(3.0, 6.0)
@@ -186,8 +176,8 @@ def _walked_around(drawn: Drawn, ring: Ring) -> tuple[Ring | None, tuple[Tree, .
     return walked, (Tree(x_m=x, y_m=y, height_m=height, crown_radius_m=0.3 * height),)
 
 
-def _field(drawn: Drawn, ring: Ring) -> FieldSpec:
-    walked, trees = _walked_around(drawn, ring)
+def _field(drawn: Drawn, ring: Ring, size: float) -> FieldSpec:
+    walked, trees = _walked_around(drawn, ring, size)
     within = drawn.within
     return FieldSpec(
         polygon=ring,
@@ -221,69 +211,30 @@ def _weather(drawn: Drawn) -> WeatherSpec:
     )
 
 
-def _gyro(kit: Drawn) -> GyroSpec:
-    return GyroSpec(
-        noise_dps=kit.within(0.05, 0.3),
-        offset_dps=kit.within(0.0, 1.0),
-        walk_dps=kit.within(0.0, 0.006),
-        scale_error=kit.within(-0.015, 0.015),
-        vibration_dps=kit.within(0.1, 1.5),
-        delay_s=kit.within(0.04, 0.2),
-    )
-
-
-def _machine(drawn: Drawn) -> MachineSpec:
-    """A machine of the default size with the motors, bridges, sensors and battery that its builder
-    found. What it is, its owner measures (`daranti-hil commission`)."""
-    within = drawn.within
-    steering = SteeringSpec.from_response(
-        slew_degps=within(25.0, 60.0),
-        lag_s=within(0.05, 0.1),
-        stiction_counts=within(25.0, 70.0),
-        backlash_deg=within(0.5, 1.5),
-        bridge=BridgeSpec(drop_v=within(0.3, 2.5)),
-        stop_deg=within(52.0, 58.0),
-    )
-    steering = steering.model_copy(
-        update={
-            "pot_centre_counts": within(490.0, 535.0),
-            "pot_counts_per_deg": within(4.0, 5.0),
-            "pot_noise_counts": within(1.0, 3.0),
-        }
-    )
-    drive = DriveSpec(
-        bridge=BridgeSpec(drop_v=within(0.3, 2.0), r_ohm=0.03),
-        r_ohm=within(0.12, 0.22),
-        k_vspm=within(8.0, 13.0),
-        mass_kg=within(90.0, 130.0),
-        rolling=within(0.03, 0.05),
-        hall_pulses_per_m=within(20.0, 100.0),
-    )
-    battery = BatterySpec(full_v=within(12.4, 12.8), r_ohm=within(0.02, 0.05))
-    return MachineSpec(steering=steering, drive=drive, battery=battery)
-
-
 def random_field(seed: int) -> Scenario:
-    """The scenario of a seed: shape, keep-out, crop, slope, weather, hour, machine, camera mount,
+    """The scenario of a seed: machine, camera, shape, keep-out, crop, slope, weather, hour,
     positions' error and how well the operator aligned the machine."""
     drawn = Drawn(seed, 0xF1E1D)
+    machine = drawn_machine(seed)
+    size = machine_size(machine)
     shape = SHAPES[int(drawn.rng.integers(len(SHAPES)))]
-    ring = outline(drawn.rng, shape)
-    field = _field(drawn, ring)
+    ring = outline(drawn.rng, shape, size)
+    field = _field(drawn, ring, size)
     weather = _weather(drawn)
-    # Neighbours, machine and phone have numbers of their own: the fields stay what they were.
+    # Neighbours and phone have numbers of their own: one more changes no field.
     higher = Drawn(seed, 0xBA11E).within(*NEIGHBOUR_HEIGHT)
-    gap = Drawn(seed, 0x6A9).within(*GAP_M)
+    gap = round(size * Drawn(seed, 0x6A9).within(*GAP_M), 3)
     field = field.model_copy(update={"neighbour_height": higher, "gap_m": gap})
     kit = Drawn(seed, 0xC0DE)
+    camera = "mast" if drawn.likely(0.5) else "low"
     return Scenario(
         name=f"random {shape}" + (" with a keep-out" if field.keep_outs else ""),
         seed=seed,
-        camera="mast" if drawn.likely(0.5) else "low",
+        camera=camera,
         field=field,
-        machine=_machine(Drawn(seed, 0x3AC8)),
+        machine=machine,
         weather=weather,
-        lens={"delay_s": kit.within(0.05, 0.25)},
+        lens={"delay_s": kit.within(0.05, 0.25), **drawn_lens(seed, camera, machine)},
         gnss=GnssSpec(
             cep_m=drawn.within(0.5, 2.5),
             antenna_x_m=kit.within(-0.2, 0.5),
@@ -291,7 +242,7 @@ def random_field(seed: int) -> Scenario:
             smoothing_s=kit.within(0.0, 1.5),
             lag_s=kit.within(0.0, 0.8),
         ),
-        gyro=_gyro(kit),
+        gyro=drawn_gyro(kit),
         start=Start(
             corner=int(drawn.rng.integers(len(ring))),
             before_m=drawn.within(0.0, 0.5),

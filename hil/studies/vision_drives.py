@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from hil.judge.metrics import FALSE_END_M, PROBE_AHEAD_M
 from hil.scenario.belief import Belief
+from hil.scenario.drawn_machine import drawn_lens, drawn_machine
 from hil.scenario.scenario import Scenario
 from hil.studies import camera_troubles
 from host.core.vehicle import Mount, Vehicle
@@ -34,6 +35,7 @@ from host.vision.view import CropView
 from sim_plant.camera import Camera
 from sim_plant.field import Field
 from sim_plant.field_spec import FieldSpec
+from sim_plant.machine import MachineSpec
 from sim_plant.sky import WeatherSpec
 
 Mode = Literal["paper", "robust", "photo"]
@@ -80,13 +82,17 @@ class Drive:
     """Instead of the random one."""
     trouble: str = camera_troubles.NONE
     """Of the camera, of `camera_troubles.TROUBLES`."""
+    own_machine: bool = False
+    """Whether lengths, mount and lens are drawn, as on random fields, and not those of the drawing.
+    """
 
     @property
     def path(self) -> Path:
         """Where its result is kept."""
         air = "" if self.dust is None else f"-dust{self.dust:g}"
         ill = "" if self.trouble == camera_troubles.NONE else f"-{self.trouble.replace(' ', '_')}"
-        name = f"{self.mode}-{self.mount}-{self.seed}{air}{ill}-{self.number:05d}.json"
+        own = "-own" if self.own_machine else ""
+        name = f"{self.mode}-{self.mount}-{self.seed}{air}{ill}{own}-{self.number:05d}.json"
         return Path(self.folder) / name
 
 
@@ -161,10 +167,16 @@ def prepared(drive: Drive) -> Edge:
         weather = weather.model_copy(update={"dust": drive.dust})
     trouble = camera_troubles.TROUBLES[drive.trouble]
     weather = trouble.air(weather, (drive.seed, drive.number))
+    seed = int(rng.integers(1 << 30))
+    machine, lens = MachineSpec(), trouble.lens((drive.seed, drive.number))
+    if drive.own_machine:
+        machine = drawn_machine(seed)
+        lens = drawn_lens(seed, drive.mount, machine) | lens
     scenario = Scenario(
-        seed=int(rng.integers(1 << 30)),
+        seed=seed,
         camera=drive.mount,
-        lens=trouble.lens((drive.seed, drive.number)),
+        machine=machine,
+        lens=lens,
         field=spec,
         weather=weather,
         belief=Belief.model_validate("exact"),
