@@ -77,7 +77,6 @@ def see(
     then 3."""
     sides = read_sides(manifest) if manifest else {}
     check_folder(out)
-    out.mkdir(parents=True, exist_ok=True)
     failed = 0
     taken: set[str] = set()
     for item in source:
@@ -104,6 +103,7 @@ def see(
             start = time.perf_counter()
             view = detector.see(bgr, stages=drove is not None and wanted)
             ms = 1e3 * (time.perf_counter() - start)
+            out.mkdir(parents=True, exist_ok=True)
             write_result(out, name, bgr, view, ms)
             if wanted:
                 # one that follows an edge from picture to picture must see each once

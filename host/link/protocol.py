@@ -208,7 +208,7 @@ FAULT_TEXTS: dict[Fault, tuple[str, str]] = {
     ),
     Fault.HALL_LOST: (
         "wheels driven but the hall sensor is silent",
-        "check the hall sensor, or set its pulses per metre to 0",
+        "check the hall sensor, its magnets and its wire",
     ),
     Fault.IDENT_LIMIT: (
         "identification stopped at its angle or time limit",
@@ -224,7 +224,7 @@ FAULT_TEXTS: dict[Fault, tuple[str, str]] = {
     ),
     Fault.WHEEL_RUNAWAY: (
         "the wheels turn faster than asked",
-        "cut the power: the drive bridge may have failed closed",
+        "cut the power: the drive bridge may have failed closed. If the wheels obey again, look whether their sensor loses pulses",
     ),
     Fault.WRONG_WAY: (
         "the wheels turn against the direction asked",
