@@ -25,11 +25,11 @@ def drawn_machine(seed: int) -> MachineSpec:
     lengths, within = Drawn(seed, 0x6E0), Drawn(seed, 0x3AC8).within
     blade_m = lengths.within(0.85, 1.25)
     steering = SteeringSpec.from_response(
-        slew_degps=within(25.0, 60.0),
+        slew_degps=within(20.0, 60.0),
         lag_s=within(0.05, 0.1),
-        stiction_counts=within(25.0, 70.0),
-        backlash_deg=within(0.5, 1.5),
-        bridge=BridgeSpec(drop_v=within(0.3, 2.5)),
+        stiction_counts=within(25.0, 90.0),
+        backlash_deg=within(0.5, 2.0),
+        bridge=BridgeSpec(drop_v=within(0.3, 3.2)),
         stop_deg=within(52.0, 58.0),
     )
     steering = steering.model_copy(

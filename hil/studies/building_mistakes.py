@@ -24,6 +24,8 @@ from hil.bench.slices import SLICE_US
 from hil.firmware.signal_wires import Mode, Signal
 from hil.firmware.wiring import ESTOP_OPEN_MV
 from hil.scenario import scenario
+from hil.scenario.random_fields import random_field
+from hil.studies.commissioning import commission, walk_of
 from host.check.lines import Line, Question, Target, Values, green
 from host.check.walk import walk
 from host.core.errors import UserError
@@ -458,6 +460,21 @@ def inspect(
         hands = LockstepHands(bench, vehicle, good["mount"], "robust", mistake)
         lines = walk(hands, target)
         return Outcome(tuple(lines), bench.now, hands.armed_blade)
+
+
+def good_machine(seed: int, out: Path) -> Values:
+    """The scenario's fields, and their values, of a machine of its own, of that seed, that is built
+    well: its owner's files, from `daranti-hil commission`, lie in `out`."""
+    field = random_field(seed)
+    over: Values = {
+        "machine": field.machine.model_dump(),
+        "camera": field.camera,
+        "lens": field.lens,
+        "gyro": field.gyro.model_dump(),
+    }
+    base = scenario.load("default", scenario.merge(dict(FIELD), {"seed": seed, **over}))
+    commission(base, out, walk_of(base))
+    return over | {"belief": {"folder": str(out)}}
 
 
 def _shifted(geojson: str, metres: float) -> str:

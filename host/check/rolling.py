@@ -13,6 +13,7 @@ from host.check.camera import grey
 from host.check.notes import Notes
 from host.check.rolling_view import Rolled, delay_s, mounted
 from host.core.messages import Command, Fix, Request, State, Telemetry
+from host.core.vehicle import Mount
 from host.runs.drive import fitted
 from host.sensors.jpeg import JpegDecoder
 
@@ -30,15 +31,18 @@ STANDS_S: Final = 1.2
 """Before it rolls, for pictures of the machine at rest."""
 SCALE: Final = (0.8, 1.25)
 """Share of the distance reported that the tape may show; a magnet too few differs by more."""
-LATE_S: Final = 0.3
-"""A camera's delay may be off by so much: 15 cm at 0.5 m/s."""
+LATE_S: Final = 0.25
+"""A camera's delay may be off by so much, and by half a pulse of the wheels: 15 cm at 0.5 m/s."""
 TILTED_DEG: Final = 3.75
-"""Of the pitch. An owner measures it to 1.5 degrees, a lens by its data sheet is 1.4 off at the
-horizon, and the check errs by 0.7."""
+"""Of the pitch. An owner measures it to 1.5 degrees, and the check errs by 0.7."""
 BLURRED_PX: Final = 1.0
 """A picture that moves otherwise than any mount explains tells nothing of it."""
 ASKEW_DEG: Final = 3.0
 """Of the yaw: an owner measures it to 1.5 degrees, and the check errs by 0.7."""
+FIELD_OF_VIEW: Final = 0.06
+"""Share by which a data sheet's focal length may be wrong: 3 degrees of 62."""
+BENT: Final = 0.1
+"""Of a lens's distortion k1, which a data sheet leaves out, the most."""
 ROLLED_DEG: Final = 4.5
 """Of the roll, which the ground on one side tells less well."""
 
@@ -164,28 +168,40 @@ class Roll:
             self._notes.note("delay", "warn", "delay.unknown")
             self._notes.note("mount", "warn", "mount.unknown")
             return
-        late = delay_s(
-            self._pictures, [(t.stamp, t.speed_mps or 0.0) for t in seen], self._hands.mount
-        )
+        stamps = np.array([t.stamp for t in seen])
+        ways = np.abs(np.array([t.distance_m for t in seen]) - seen[0].distance_m)
+        mount = self._hands.mount
+        at_ways = list(zip(stamps.tolist(), ways.tolist(), strict=True))
+        late = delay_s(self._pictures, at_ways, mount)
         if late is None:
             self._notes.note("delay", "warn", "delay.unknown")
         else:
-            fine = abs(late - believed) < LATE_S
+            pulses_ps = ROLL_MPS * max(self._hands.vehicle.hall_pulses_per_m, 1.0)
+            fine = abs(late - believed) < LATE_S + 0.5 / pulses_ps
             self._notes.judge("delay", fine, "delay.other", seen=late, believed=believed)
-        stamps = np.array([t.stamp for t in seen])
-        ways = np.abs(np.array([t.distance_m for t in seen]) - seen[0].distance_m)
+        delay = believed if late is None else late
         rolled = [
-            Rolled(at, float(np.interp(at - (late or believed), stamps, ways)), shown)
+            Rolled(at, float(np.interp(at - delay, stamps, ways)), shown)
             for at, shown in self._pictures
         ]
-        found = mounted(rolled, self._hands.mount)
+        found = mounted(rolled, mount)
         if found is None or found.residual_px > BLURRED_PX:
             self._notes.note("mount", "warn", "mount.unknown")
             return
         off = {"pitch": found.pitch_deg, "yaw": found.yaw_deg, "roll": found.roll_deg}
-        fine = (
-            abs(off["pitch"]) < TILTED_DEG
-            and abs(off["yaw"]) < ASKEW_DEG
-            and abs(off["roll"]) < ROLLED_DEG
-        )
-        self._notes.judge("mount", fine, "mount.tilted", **off)
+        straight = abs(off["yaw"]) < ASKEW_DEG and abs(off["roll"]) < ROLLED_DEG
+        too_far_deg = abs(off["pitch"]) - TILTED_DEG
+        if straight and 0.0 <= too_far_deg < _by_lens_deg(mount):
+            self._notes.note("mount", "warn", "mount.lens", **off)
+            return
+        self._notes.judge("mount", straight and too_far_deg < 0.0, "mount.tilted", **off)
+
+
+def _by_lens_deg(mount: Mount) -> float:
+    """How much of the pitch a lens that was not measured may feign beyond TILTED_DEG: what lies
+    straight ahead is seen that far above the picture's middle."""
+    if mount.lens_measured:
+        return 0.0
+    pitch = math.radians(abs(mount.pitch_deg))
+    wrong = FIELD_OF_VIEW + BENT * math.tan(pitch) ** 2
+    return math.degrees(0.5 * math.sin(2.0 * pitch) * wrong)

@@ -12,8 +12,10 @@ from host.core.messages import Command, Request, State
 
 STEP_DEG: Final = 25.0
 """Half of the common steering range, to either side."""
-STEP_S: Final = 1.8
-"""The slowest actuator of the design, 20 degrees a second, has turned 25 degrees by then."""
+SLOWEST_DEGPS: Final = 20.0
+"""The slowest actuator of the design (docs/build/README.md),"""
+SETTLES_S: Final = 0.6
+"""and how long a wheel has for coming to rest, and is then watched there."""
 OFF_DEG: Final = 3.0
 """How far from the angle asked the wheel may rest: backlash of 2 degrees and the pot's noise."""
 OVERSHOOT: Final = 0.35
@@ -22,10 +24,13 @@ RESTLESS_DEG: Final = 1.5
 """Standard deviation of a wheel that does not settle; a settled one shows the pot's 0.4."""
 STOP_ROOM_DEG: Final = 3.0
 """Kept off the limit, so that no stop is driven into."""
-STOP_S: Final = 3.0
-"""From one side to the other at 30 degrees a second, and rest."""
 BLADE_S: Final = 1.2
 """Long enough to hear a relay, short enough for a blade whose supply was not off after all."""
+
+
+def _turn_s(from_deg: float, to_deg: float) -> float:
+    """How long any good wheel takes."""
+    return abs(to_deg - from_deg) / SLOWEST_DEGPS + SETTLES_S
 
 
 def estop(notes: Notes) -> bool:
@@ -63,9 +68,10 @@ def steering(notes: Notes) -> bool:
     """The wheel goes where it is sent, the right way round, and how well it settles there."""
     if not notes.arm():
         return notes.note("steering", "bad", "steering.not_armed", faults=notes.fault_texts)
-    first = notes.drive(STEP_S, steer_deg=STEP_DEG)
-    second = notes.drive(STEP_S, steer_deg=-STEP_DEG) if notes.faults == [] else []
-    third = notes.drive(STEP_S, steer_deg=STEP_DEG) if notes.faults == [] else []
+    first = notes.drive(_turn_s(0.0, STEP_DEG), steer_deg=STEP_DEG)
+    across_s = _turn_s(-STEP_DEG, STEP_DEG)
+    second = notes.drive(across_s, steer_deg=-STEP_DEG) if notes.faults == [] else []
+    third = notes.drive(across_s, steer_deg=STEP_DEG) if notes.faults == [] else []
     names = notes.faults
     notes.halt()
     findings = {
@@ -100,8 +106,10 @@ def steering(notes: Notes) -> bool:
 def stops(notes: Notes) -> bool:
     """The wheel reaches nearly both limits, as far as drawn, and points straight ahead at 0."""
     limit = notes.hands.vehicle.steer_limit_deg - STOP_ROOM_DEG
+    # It stands anywhere when the first turn begins.
+    across_s = _turn_s(-limit, limit)
     for side, angle in (("left", limit), ("right", -limit)):
-        seen = notes.drive(STOP_S, steer_deg=angle) if notes.arm() else []
+        seen = notes.drive(across_s, steer_deg=angle) if notes.arm() else []
         names = notes.faults
         if names or not seen:
             notes.halt()
@@ -120,7 +128,7 @@ def stops(notes: Notes) -> bool:
             answer = notes.ask("turned_far", "as_drawn", "less", "more", degrees=round(limit))
             if answer != "as_drawn":
                 return notes.note("stops", "bad", "stops.scale", answer=f"answer.{answer}")
-    notes.drive(STOP_S)
+    notes.drive(_turn_s(limit, 0.0))
     notes.halt()
     answer = notes.ask("straight", "yes", "points_left", "points_right")
     if answer != "yes":

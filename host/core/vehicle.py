@@ -50,6 +50,11 @@ class Mount(Strict):
         return self.width_px / 2 / math.tan(math.radians(self.hfov_deg) / 2)
 
     @property
+    def lens_measured(self) -> bool:
+        """Whether more is known of the lens than its data sheet says."""
+        return self.focal_px is not None or any(self.distortion)
+
+    @property
     def centre(self) -> tuple[float, float]:
         """Principal point (u, v) in pixels."""
         return self.centre_px or (self.width_px / 2, self.height_px / 2)

@@ -19,12 +19,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from hil.studies.building_mistakes import MISTAKES, inspect
+from hil.studies.building_mistakes import MISTAKES, good_machine, inspect
 from host.core.number_range import WholeRange, argument
 from host.panel.texts import LANGUAGES, texts
 
 GOOD: Final = range(101, 121)
-"""Seeds of machines without a mistake, measured as well as an owner does."""
+"""Seeds of machines without a mistake, each with lengths, motors, sensors and a camera of its own,
+commissioned as an owner does."""
 CHECK_S: Final = 15 * 60
 """Longest check, in machine time."""
 
@@ -52,7 +53,11 @@ def walked(name: str, seed: int | None) -> Row:
     """A machine with the mistake of that name, or a good one of that seed."""
     mistake = next((one for one in MISTAKES if one.name == name), None)
     with tempfile.TemporaryDirectory() as folder:
-        seen = inspect(mistake, Path(folder), 1 if seed is None else seed)
+        if seed is None:
+            seen = inspect(mistake, Path(folder))
+        else:
+            over = good_machine(seed, Path(folder) / "owner")
+            seen = inspect(None, Path(folder), seed, over)
     wanted = () if mistake is None else mistake.findings
     # What is not green without a finding was skipped: a good machine must pass every line.
     missing = ("not green",) if mistake is None and not seen.green else ()
