@@ -37,6 +37,12 @@ SITUATIONS: dict[str, tuple[Situation, ...]] = {
 @click.option("--mode", type=click.Choice(["paper", "robust"]), default="robust", show_default=True)
 @click.option("--camera", default="mast", show_default=True, metavar="low|mast")
 @click.option("--sensors", is_flag=True, help="With the optional sensors of wheel and blade.")
+@click.option(
+    "--machine",
+    type=WholeRange(0, 2**31 - 1),
+    metavar="SEED",
+    help="A machine and camera of its own, commissioned as an owner does.",
+)
 @click.option("--workers", type=WholeRange(1, 256), default=2, show_default=True)
 @click.option("--scheduler", metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT.")
 @click.option("--records", is_flag=True, help="Keep a record of every run.")
@@ -48,6 +54,7 @@ def faults(
     mode: str,
     camera: str,
     sensors: bool,
+    machine: int | None,
     workers: int,
     scheduler: str | None,
     records: bool,
@@ -63,7 +70,10 @@ def faults(
     check_folder(out)
     check_built(firmware)
     records_in = out / "records" if records else None
-    matrix = Matrix(only, SITUATIONS[situation], firmware, mode, camera, sensors, records_in)
+    owner = (out / f"machine-{machine}").resolve()
+    matrix = Matrix(
+        only, SITUATIONS[situation], firmware, mode, camera, sensors, records_in, machine, owner
+    )
     cases = matrix.cases()
     with Watch(f"{len(cases)} faults", len(cases)) as watch:
         verdicts = run_matrix(

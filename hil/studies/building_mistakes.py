@@ -24,8 +24,7 @@ from hil.bench.slices import SLICE_US
 from hil.firmware.signal_wires import Mode, Signal
 from hil.firmware.wiring import ESTOP_OPEN_MV
 from hil.scenario import scenario
-from hil.scenario.random_fields import random_field
-from hil.studies.commissioning import commission, walk_of
+from hil.studies.own_machine import own_machine
 from host.check.lines import Line, Question, Target, Values, green
 from host.check.walk import walk
 from host.core.errors import UserError
@@ -212,7 +211,7 @@ class LockstepHands:
     """The check's hands on a simulated machine, its operator's eyes on the world."""
 
     def __init__(
-        self, bench: Bench, vehicle: Vehicle, mount: str, eyes: Eyes, mistake: Mistake | None
+        self, bench: Bench, vehicle: Vehicle, mount: str, eyes: Eyes, mistake: Mistake
     ) -> None:
         self.bench = bench
         self.vehicle = vehicle
@@ -223,7 +222,7 @@ class LockstepHands:
         self.armed_blade = False
         """Whether the blade's output was ever on before the supply was said to be off."""
         self.blade_clicked = False
-        self._mistake = mistake or Mistake("none", ())
+        self._mistake = mistake
         self._receiver = Receiver()
         self._turning = Turning()
         self._heard: Turned | None = None
@@ -432,13 +431,22 @@ class Outcome:
         return tuple(line.finding for line in self.lines if line.verdict == "bad")
 
 
+def good_machine(seed: int, out: Path) -> Outcome:
+    """Walks the check of a machine that is built well, with everything as that seed draws it."""
+    base = own_machine(scenario.load("default", dict(FIELD)), seed, out / "owner")
+    return _inspected(base, Mistake("none", ()), out)
+
+
 def inspect(
     mistake: Mistake | None, out: Path, seed: int = 1, over: Values | None = None
 ) -> Outcome:
     """Builds a machine, with a mistake or without, and walks its check. Files and parameters are
     those of the machine as its owner believes it to be: without the mistake."""
     base = scenario.load("default", scenario.merge(dict(FIELD), {"seed": seed, **(over or {})}))
-    wrong = mistake or Mistake("none", ())
+    return _inspected(base, mistake or Mistake("none", ()), out)
+
+
+def _inspected(base: scenario.Scenario, wrong: Mistake, out: Path) -> Outcome:
     good = handouts(base, out)
     world = scenario.changed(base, dict(wrong.world)) if wrong.world else base
     held = dict(base.told.parameters) | dict(wrong.parameters)
@@ -457,24 +465,9 @@ def inspect(
     corner = nearest if wrong.corner is None else (nearest + wrong.corner) % len(ring)
     target = Target(boundary, float(good["gap"]) if wrong.gap else None, corner)
     with Bench(world) as bench:
-        hands = LockstepHands(bench, vehicle, good["mount"], "robust", mistake)
+        hands = LockstepHands(bench, vehicle, good["mount"], "robust", wrong)
         lines = walk(hands, target)
         return Outcome(tuple(lines), bench.now, hands.armed_blade)
-
-
-def good_machine(seed: int, out: Path) -> Values:
-    """The scenario's fields, and their values, of a machine of its own, of that seed, that is built
-    well: its owner's files, from `daranti-hil commission`, lie in `out`."""
-    field = random_field(seed)
-    over: Values = {
-        "machine": field.machine.model_dump(),
-        "camera": field.camera,
-        "lens": field.lens,
-        "gyro": field.gyro.model_dump(),
-    }
-    base = scenario.load("default", scenario.merge(dict(FIELD), {"seed": seed, **over}))
-    commission(base, out, walk_of(base))
-    return over | {"belief": {"folder": str(out)}}
 
 
 def _shifted(geojson: str, metres: float) -> str:

@@ -28,6 +28,7 @@ from hil.firmware.signal_wires import Signal
 from hil.judge.fault_verdict import Situation, Verdict
 from hil.scenario.faults import PAIRS, At, Expect, Fault, Pair
 from hil.scenario.scenario import Limits, Recording, Scenario
+from hil.studies.own_machine import own_machine
 from host.core.errors import UserError
 from host.core.messages import State
 from host.link import protocol
@@ -270,9 +271,18 @@ def with_sensors(base: Scenario) -> Scenario:
 
 
 def base_scenario(
-    situation: Situation, firmware: Firmware, mode: str, camera: str, *, sensors: bool = False
+    situation: Situation,
+    firmware: Firmware,
+    mode: str,
+    camera: str,
+    *,
+    sensors: bool = False,
+    machine: int | None = None,
+    owner: Path | None = None,
 ) -> Scenario:
-    """A small field; its first side is long enough, or short so that the turn comes soon."""
+    """A small field; its first side is long enough, or short so that the turn comes soon.
+    `machine`: the seed of one of its own, whose owner's files lie in `owner` or are made there; it
+    has its own camera."""
     size = (4.0, 5.0) if situation == "follow" else (4.0, 2.0)
     base = Scenario.model_validate(
         {
@@ -286,6 +296,8 @@ def base_scenario(
             "record": Recording(pictures_every=1).model_dump(),
         }
     )
+    if machine is not None and owner is not None:
+        base = own_machine(base, machine, owner)
     return with_sensors(base) if sensors else base
 
 
@@ -326,6 +338,10 @@ class Case:
     """Folder for the records; None: none are kept."""
     sensors: bool = False
     """Whether the optional ones are fitted."""
+    machine: int | None = None
+    """Seed of one of its own; None: the default one."""
+    owner: str = ""
+    """Folder of its owner's files."""
 
     @property
     def record_file(self) -> Path | None:
@@ -369,7 +385,13 @@ Group = tuple[Case, ...]
 def scenario_of(case: Case) -> Scenario:
     """What a case runs."""
     base = base_scenario(
-        case.situation, case.firmware, case.mode, case.camera, sensors=case.sensors
+        case.situation,
+        case.firmware,
+        case.mode,
+        case.camera,
+        sensors=case.sensors,
+        machine=case.machine,
+        owner=Path(case.owner),
     )
     return with_fault(base, case.situation, case.name)
 

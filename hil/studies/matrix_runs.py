@@ -40,18 +40,25 @@ class Matrix:
     """Whether the optional ones are fitted."""
     records: Path | None = None
     """Folder for a record of every run."""
+    machine: int | None = None
+    """Seed of one of its own; None: the default one, with this camera."""
+    owner: Path = Path()
+    """Folder for its owner's files."""
 
     @property
     def title(self) -> str:
         """Of its tables."""
-        machine = f"faults, {self.firmware} firmware, {self.camera} camera, {self.mode} vision"
+        camera = f"{self.camera} camera" if self.machine is None else f"machine {self.machine}"
+        machine = f"faults, {self.firmware} firmware, {camera}, {self.mode} vision"
         return f"{machine}, with the optional sensors" if self.sensors else machine
 
     def cases(self) -> list[Case]:
         """One run each. UserError where `only` names no fault."""
         keep = str(self.records.resolve()) if self.records is not None else None
+        firmware, mode, camera = self.firmware, self.mode, self.camera
+        fitted, seed, owner = self.sensors, self.machine, str(self.owner)
         return [
-            Case(name, where, self.firmware, self.mode, self.camera, keep, self.sensors)
+            Case(name, where, firmware, mode, camera, keep, fitted, seed, owner)
             for name in named(self.only)
             for where in self.situations
         ]
@@ -63,6 +70,7 @@ class Matrix:
             "camera": self.camera,
             "mode": self.mode,
             "sensors": self.sensors,
+            "machine": self.machine,
             "cases": len(verdicts),
             "bad": sum(not v.ok and not v.limit for v in verdicts),
             "limits": sum(v.limit for v in verdicts),

@@ -53,11 +53,8 @@ def walked(name: str, seed: int | None) -> Row:
     """A machine with the mistake of that name, or a good one of that seed."""
     mistake = next((one for one in MISTAKES if one.name == name), None)
     with tempfile.TemporaryDirectory() as folder:
-        if seed is None:
-            seen = inspect(mistake, Path(folder))
-        else:
-            over = good_machine(seed, Path(folder) / "owner")
-            seen = inspect(None, Path(folder), seed, over)
+        place = Path(folder)
+        seen = inspect(mistake, place) if seed is None else good_machine(seed, place)
     wanted = () if mistake is None else mistake.findings
     # What is not green without a finding was skipped: a good machine must pass every line.
     missing = ("not green",) if mistake is None and not seen.green else ()

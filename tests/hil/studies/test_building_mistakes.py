@@ -58,7 +58,7 @@ def test_every_mistake_is_named(mistake: Mistake, tmp_path: Path) -> None:
 def test_good_machines_are_not_accused_whatever_they_are_built_of(
     seed: int, tmp_path: Path
 ) -> None:
-    outcome = inspect(None, tmp_path, seed, good_machine(seed, tmp_path / "owner"))
+    outcome = good_machine(seed, tmp_path)
     assert outcome.findings == ()
     assert outcome.green
     assert outcome.simulated_s < CHECK_S
