@@ -40,6 +40,14 @@ def test_a_mistake_is_named(mistake: Mistake, tmp_path: Path) -> None:
     names_it(mistake, tmp_path)
 
 
+@pytest.mark.parametrize("name", ["camera 5 degrees to the left", "camera 5 degrees to the right"])
+def test_a_low_camera_that_is_turned_is_named_as_one_on_a_mast_is(
+    name: str, tmp_path: Path
+) -> None:
+    mistake = next(m for m in MISTAKES if m.name == name)
+    assert "mount.tilted" in inspect(mistake, tmp_path, 1, {"camera": "low"}).findings
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(
     "mistake", [m for m in MISTAKES if m.name not in QUICK], ids=lambda m: m.name
