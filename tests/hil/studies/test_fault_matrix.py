@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -26,6 +26,7 @@ from hil.firmware.provision import target
 from hil.firmware.signal_wires import Mode, Signal, tap
 from hil.judge.fault_verdict import Situation, Verdict
 from hil.scenario.faults import PAIRS, At, Component, Expect, Failure, Fault, Pair, Place
+from hil.scenario.random_fields import random_field
 from hil.scenario.scenario import Scenario
 from hil.studies.fault_matrix import (
     Case,
@@ -34,9 +35,11 @@ from hil.studies.fault_matrix import (
     base_scenario,
     branched,
     in_a_copy,
+    scenario_of,
     watched,
     with_fault,
 )
+from hil.studies.identification import defaults
 from hil.studies.matrix_runs import digest, kept
 from host.core.errors import UserError
 from host.core.vehicle import MAST
@@ -560,6 +563,20 @@ def test_verdicts_of_other_programs_are_not_taken_over(
     assert kept(log, [case]) == {case: verdict}
     monkeypatch.setattr("hil.studies.matrix_runs.programs", lambda _: b"changed")
     assert kept(log, [case]) == {}
+
+
+def test_a_machine_of_its_own_fails_with_what_its_owner_has_measured(tmp_path: Path) -> None:
+    name = ("pot", "off", "")
+    own = Case(name, "follow", "desk", "robust", "mast", None, False, 301, str(tmp_path))
+    scenario, home = scenario_of(own), random_field(301)
+    assert scenario.world.machine == home.machine
+    assert scenario.world.lens == home.world.lens
+    told = scenario.told
+    assert told.boundary == scenario.world.corners
+    assert told.parameters["steer_kp"] != defaults()["steer_kp"]
+    true = home.machine.drive.hall_pulses_per_m
+    assert told.parameters["hall_per_metre"] == pytest.approx(true, rel=0.02)
+    assert digest(own) != digest(replace(own, machine=None))
 
 
 def test_hall_faults_have_a_hall_sensor_to_strike() -> None:

@@ -33,7 +33,7 @@ from host.estimate.odometry import Motion
 from host.vision.geometry import Camera
 from host.vision.photo.detector import RobustPhoto
 from host.vision.view import CropView
-from sim_plant.camera import CameraSpec
+from sim_plant.camera import LOW, MAST, CameraSpec
 
 NEAR, CLEAR = (CropView(0.9, crop_ahead_m=x, ahead_confidence=0.9) for x in (0.0, 3.0))
 UNSURE = CropView(0.9, crop_ahead_m=3.0, ahead_confidence=0.2)
@@ -72,6 +72,24 @@ def test_an_end_that_was_not_declared_was_missed() -> None:
     figures = summary([OUTCOME, replace(OUTCOME, end_error_m=None), replace(OUTCOME, false_ends=2)])
     assert (figures["ends"], figures["missed_ends"], figures["false_ends"]) == (3, 1, 2)
     assert figures["end_of_field_error_worst_m"] == pytest.approx(0.1)
+
+
+def test_drives_with_machines_of_their_own_have_mounts_that_no_drawing_has(tmp_path: Path) -> None:
+    drives = [
+        Drive(5, n, mount, "robust", 5.0, str(tmp_path), own_machine=True)
+        for n in range(3)
+        for mount in ("low", "mast")
+    ]
+    edges = [prepared(drive) for drive in drives]
+    lenses = [edge.scenario.world.lens for edge in edges]
+    assert len({(lens.z_m, lens.pitch_deg, lens.hfov_deg) for lens in lenses}) == len(lenses)
+    assert all(lens.z_m not in (LOW.z_m, MAST.z_m) for lens in lenses)
+    assert [edge.vehicle.blade_x_m for edge in edges] == pytest.approx(
+        [edge.scenario.world.machine.blade_x_m for edge in edges]
+    )
+    usual = replace(drives[0], own_machine=False)
+    assert prepared(usual).scenario.world.lens == LOW
+    assert usual.path != drives[0].path
 
 
 def test_a_drive_cuts_along_the_edge_to_its_end(tmp_path: Path) -> None:
