@@ -23,6 +23,12 @@ LEAST_PICTURES = 5
 """Fewer leave focal length and distortion undetermined."""
 SUBPIXEL = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 40, 1e-3)
 """When the refinement of a corner ends: 40 rounds, or less than a thousandth of a pixel."""
+LARGER = 2
+"""How much larger a picture is drawn in which no board is found at first."""
+WITHIN_PX = 5
+"""About a corner, at most, and"""
+NEXT_CORNER = 0.4
+"""share of the way to the next one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +60,22 @@ class Lens:
 def corners(bgr: Picture, board: Board) -> NDArray[np.float32] | None:
     """(n, 2) inner corners to a fraction of a pixel; None where the board is not seen whole."""
     grey = cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY)
-    found, points = cv2.findChessboardCorners(grey, (board.columns, board.rows))
-    if not found:
-        return None
-    fine = cv2.cornerSubPix(grey, points, (5, 5), (-1, -1), SUBPIXEL)
-    return np.asarray(fine.reshape(-1, 2), np.float32)
+    # A board that lies before a low camera is a few pixels high for each row.
+    for larger in (1, LARGER):
+        size = (larger * grey.shape[1], larger * grey.shape[0])
+        drawn = grey if larger == 1 else cv2.resize(grey, size, interpolation=cv2.INTER_CUBIC)
+        found, points = cv2.findChessboardCorners(drawn, (board.columns, board.rows))
+        if found:
+            within = _within_px(points.reshape(board.rows, board.columns, 2))
+            fine = cv2.cornerSubPix(drawn, points, (within, within), (-1, -1), SUBPIXEL)
+            return np.asarray((fine.reshape(-1, 2) + 0.5) / larger - 0.5, np.float32)
+    return None
+
+
+def _within_px(grid: NDArray[np.float32]) -> int:
+    """How far about a corner it is sought to a fraction of a pixel: not as far as the next one."""
+    apart = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1)]
+    return int(np.clip(NEXT_CORNER * min(apart), 1, WITHIN_PX))
 
 
 def calibrate_lens(
