@@ -66,14 +66,15 @@ def corners(bgr: Picture, board: Board) -> NDArray[np.float32] | None:
         drawn = grey if larger == 1 else cv2.resize(grey, size, interpolation=cv2.INTER_CUBIC)
         found, points = cv2.findChessboardCorners(drawn, (board.columns, board.rows))
         if found:
-            within = _within_px(points.reshape(board.rows, board.columns, 2))
+            within = _within_px(np.asarray(points, np.float32), board)
             fine = cv2.cornerSubPix(drawn, points, (within, within), (-1, -1), SUBPIXEL)
             return np.asarray((fine.reshape(-1, 2) + 0.5) / larger - 0.5, np.float32)
     return None
 
 
-def _within_px(grid: NDArray[np.float32]) -> int:
+def _within_px(points: NDArray[np.float32], board: Board) -> int:
     """How far about a corner it is sought to a fraction of a pixel: not as far as the next one."""
+    grid = points.reshape(board.rows, board.columns, 2)
     apart = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1)]
     return int(np.clip(NEXT_CORNER * min(apart), 1, WITHIN_PX))
 

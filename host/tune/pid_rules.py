@@ -20,7 +20,7 @@ from scipy.optimize import minimize
 from host.link import protocol
 from host.tune import closed_loop
 from host.tune.actuator_model import TICK_S, ActuatorModel
-from host.tune.stall_time import stall_time_ms
+from host.tune.stall_time import share_at_least_duty, stall_time_ms
 from host.tune.step_response import Floats, Step, cost, deadline_s, meets
 
 Gains = dict[str, float]
@@ -194,8 +194,11 @@ def gains(rule: str, model: ActuatorModel) -> Gains:
         "ziegler-nichols": ziegler_nichols,
         "agopen": agopen,
     }
-    watch = stall_time_ms(model.slew_degps, model.backlash_deg.value)
-    return rules[rule](model) | {"stall_time": watch}
+    law = rules[rule](model)
+    breakaway = max(model.min_left, model.min_right)
+    share = share_at_least_duty(law["steer_min_duty"], model.friction_duty.value, breakaway)
+    watch = stall_time_ms(model.slew_degps, model.backlash_deg.value, share)
+    return law | {"stall_time": watch}
 
 
 def loops(

@@ -18,11 +18,28 @@ SURE_DEG: Final = 1.0
 """Beyond the play: the firmware takes 0.6 degrees for the potentiometer's noise."""
 SLOWER: Final = 0.8
 """Of the speed that was identified: what a weak battery, wear and a cold morning leave."""
+JUDGED_DUTY: Final = 40.0
+"""Above steer_min_duty, from which on the firmware judges (kDrivenHard)."""
+FULL_DUTY: Final = 255.0
+LEAST_SHARE: Final = 0.5
+"""Longer than twice as long is not waited, whatever friction does: a wheel that is stuck turns no
+farther meanwhile than the machine's own."""
 
 
-def stall_time_ms(slew_degps: float, backlash_deg: float) -> float:
-    """For a motor of this speed at full duty, within the parameter's range."""
-    way_deg = max(PLAY_DEG, backlash_deg) + SURE_DEG
+def share_at_least_duty(least_duty: float, friction_duty: float, breakaway_duty: float) -> float:
+    """How much of the speed that the firmware expects a good motor shows at the least duty that is
+    judged, 1 at most. The firmware takes speed for proportional to what duty is above least_duty,
+    its steer_min_duty, which is less than friction takes: more would make the loop swing."""
+    duty = min(FULL_DUTY - 1.0, max(least_duty + JUDGED_DUTY, breakaway_duty))
+    expected = (duty - least_duty) / (FULL_DUTY - least_duty)
+    shown = (duty - friction_duty) / (FULL_DUTY - friction_duty)
+    return min(1.0, max(LEAST_SHARE, shown / expected))
+
+
+def stall_time_ms(slew_degps: float, backlash_deg: float, share: float = 1.0) -> float:
+    """For a motor of this speed at full duty, within the parameter's range. `share`: of
+    `share_at_least_duty`."""
+    way_deg = (max(PLAY_DEG, backlash_deg) + SURE_DEG) / share
     spec = protocol.PARAMS["stall_time"]
     held = round((LAG_MS + 1000.0 * way_deg / (SLOWER * slew_degps)) / spec.scale)
     return spec.from_raw(min(spec.max_raw, max(spec.min_raw, held)))

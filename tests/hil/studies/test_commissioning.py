@@ -17,6 +17,7 @@ from hil.studies.beliefs import CASES, harmless, scenario_of
 from hil.studies.commissioning import (
     commission,
     found_by_tape,
+    found_delay,
     found_lens,
     found_mount,
     free_ground,
@@ -26,6 +27,7 @@ from hil.studies.yard_wire import BenchWire
 from host.core.errors import UserError
 from host.link import protocol
 from host.pilot.phase import Phase
+from host.tune.checkerboard import Lens
 from host.tune.measured_drive import Taped, Way, measure_drive
 from sim_plant.drive_response import drive_response
 
@@ -45,6 +47,35 @@ def test_boards_tell_lens_and_mount(camera: str) -> None:
     for name in ("pitch_deg", "yaw_deg", "roll_deg"):
         assert getattr(mount, name) == pytest.approx(getattr(world.lens, name), abs=0.8)
     assert mount.z_m == pytest.approx(world.lens.z_m, abs=0.03)
+
+
+GRAZED, SLOW_STEERING = 12085, 12103
+"""Seeds: a low camera whose picture of the ground is narrow, and a mast over a wheel of 24 degrees
+a second."""
+
+
+@pytest.mark.parametrize("seed", [GRAZED, SLOW_STEERING])
+def test_a_board_on_the_ground_is_not_mixed_up_with_its_own_next_row(seed: int) -> None:
+    world = random_field(seed).world
+    lens = world.lens
+    known = Lens(
+        (lens.width_px, lens.height_px),
+        lens.focal_px,
+        (lens.width_px / 2, lens.height_px / 2),
+        (lens.k1, lens.k2, 0.0, 0.0, 0.0),
+        0.1,
+    )
+    mount = found_mount(world, known, Draw(seed).rng("boards"))
+    assert mount.pitch_deg == pytest.approx(lens.pitch_deg, abs=0.2)
+    assert mount.z_m == pytest.approx(lens.z_m, abs=0.01)
+
+
+@needs_firmware
+def test_a_slow_steering_turns_the_machine_enough_to_tell_the_camera_s_delay() -> None:
+    scenario = random_field(SLOW_STEERING)
+    told = scenario.told
+    found, _ = found_delay(scenario, told.vehicle, told.parameters)
+    assert found == pytest.approx(scenario.world.lens.delay_s, abs=0.03)
 
 
 @needs_firmware

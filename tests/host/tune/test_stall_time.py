@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from host.link import protocol
-from host.tune.stall_time import stall_time_ms
+from host.tune.stall_time import share_at_least_duty, stall_time_ms
 
 
 @pytest.mark.parametrize(
@@ -27,3 +27,19 @@ def test_it_stays_within_the_parameters_range() -> None:
     spec = protocol.PARAMS["stall_time"]
     assert stall_time_ms(0.1, 2.0) == spec.from_raw(spec.max_raw)
     assert stall_time_ms(1e6, 2.0) == stall_time_ms(1e9, 2.0) == 100.0
+
+
+@pytest.mark.parametrize(
+    ("least", "friction", "breakaway", "share"),
+    [
+        (38.0, 34.0, 45.0, 1.0),  # the default motor's friction is compensated well
+        (45.0, 62.0, 82.0, 0.626),  # (85 - 62) / 193 of full speed, where 40 / 210 is expected
+        (20.0, 75.0, 100.0, 0.5),  # (100 - 75) / 180, where 80 / 235 is expected
+    ],
+)
+def test_a_stiff_motor_is_waited_for_as_its_friction_takes_more_of_a_small_duty(
+    least: float, friction: float, breakaway: float, share: float
+) -> None:
+    assert share_at_least_duty(least, friction, breakaway) == pytest.approx(share, abs=1e-3)
+    waited = stall_time_ms(40.0, 2.0, share) - 100.0
+    assert waited == pytest.approx((stall_time_ms(40.0, 2.0) - 100.0) / share, abs=1.0)
