@@ -22,7 +22,10 @@ from host.route.turn_legs import Follow as Along
 from host.route.turn_legs import Leg
 
 STEER_READY_RAD = math.radians(6.0)
-STEER_TIMEOUT_S = 4.0
+"""So near to its leg's angle the wheel must be before the machine moves."""
+STEER_TIMEOUT_S = 7.0
+"""For that: the slowest actuator of the design, 20 degrees a second (docs/build/README.md), takes
+5 s from one lock to the other. Shorter: a sound machine with such a steering stops in a turn."""
 ALIGNED = (0.03, math.radians(3.0))
 """Offset of the blade, m, and heading, rad, with which a side is begun."""
 ASKEW_RAD = math.radians(20.0)

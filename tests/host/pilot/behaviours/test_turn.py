@@ -43,6 +43,9 @@ from tests.helpers.behaving import (
     turning,
 )
 
+SLOWEST_DEGPS = 20.0
+"""Of the steering motors that docs/build/README.md allows."""
+
 
 def test_a_turn_waits_for_its_steering_and_then_drives() -> None:
     context = turning()
@@ -54,6 +57,9 @@ def test_a_turn_waits_for_its_steering_and_then_drives() -> None:
     wanted = context.turning.leg.steer_rad
     command, go = turn.step(NOW)
     assert (command.speed_mps, command.steer_rad, go) == (0.0, wanted, None)
+    arrived = NOW + 2 * VEHICLE.steer_limit_deg / SLOWEST_DEGPS + 1.0
+    context.sight.usable.stamp = arrived
+    assert turn.step(arrived)[1] is None
     context.sight.usable.stamp = NOW + STEER_TIMEOUT_S
     assert is_for(turn.step(NOW + STEER_TIMEOUT_S + 0.1)[1], Turned.STEERING_STUCK)
     assert context.telemetry is not None
