@@ -30,9 +30,9 @@ class Hall {
   // Counts more than a machine can drive: noise, or a wrong hall_per_metre.
   // By the first sensor alone: with two, noise on it goes to and fro, and comes nowhere.
   bool noisy() const { return noisy_; }
-  // Turns faster than `setpoint` (mm/s) and the parameter speed_excess allow.
-  bool fast(int16_t setpoint) const {
-    return per_metre_ != 0 && magnitude(speed_) > magnitude(setpoint) + excess_;
+  // Turns faster than `asked` (mm/s) and the parameter speed_excess allow.
+  bool fast(int16_t asked) const {
+    return per_metre_ != 0 && magnitude(speed_) > magnitude(asked) + excess_;
   }
   // Has gone 0.15 m, and three pulses, against the direction asked; with two sensors only.
   bool wrong_way() const;
@@ -87,6 +87,9 @@ class Drive {
   void release();
   // The ramped setpoint, mm/s; 0 while released.
   int16_t setpoint() const { return static_cast<int16_t>(setpoint_ / 16); }
+  // Once a tick, whether it is driven or not: what a sound machine may go at, mm/s, 0 or more. It
+  // falls as the machine's lag lets it: one that is told to stand rolls on at first.
+  int16_t allowed();
 
  private:
   // The battery's voltage (mV) that the duty is reckoned with: none below the parameter
@@ -100,6 +103,7 @@ class Drive {
   int32_t integral_ = 0;  // duty, 2^-20
   int32_t setpoint_ = 0;  // mm/s, 1/16
   int32_t expected_ = 0;  // mm/s, 1/4096: what it should have come to by now
+  int32_t allowed_ = 0;   // mm/s, 1/4096: what it may still go at
   int32_t follows_ = 0;   // share of what it lacks that it takes in a tick, 2^-14
   int16_t limit_ = 0;     // mm/s
   int16_t ramp_ = 0;      // mm/s a tick, 1/16
