@@ -1442,7 +1442,7 @@ PARAMS: dict[str, ParamSpec] = {
         100,
         3000,
         "m/s",
-        "wheels that turn faster than asked by more than this, for 0.4 s, run away; with a hall sensor only",
+        "wheels that turn faster than asked by more than this, for 0.4 s, run away; what is asked falls with drive_lag here; with a hall sensor only",
     ),
     "blade_rest": ParamSpec(
         "blade_rest",

@@ -465,7 +465,7 @@ enum class Param : uint8_t {
   steer_current_cont,  // 0.01 A; mean over a second: the driver's rating (an L298N's two channels in parallel 4, a BTS7960 or VNH5019 module up to 30 with cooling)
   drive_current_cont,  // 0.01 A; mean over a second: the driver's rating (a BTS7960 module about 10, a VNH5019 carrier 12, up to 30 with cooling)
   battery_scale,  // 0.001 V; battery voltage that the divider makes 5 V of
-  speed_excess,  // 0.001 m/s; wheels that turn faster than asked by more than this, for 0.4 s, run away; with a hall sensor only
+  speed_excess,  // 0.001 m/s; wheels that turn faster than asked by more than this, for 0.4 s, run away; what is asked falls with drive_lag here; with a hall sensor only
   blade_rest,  // 1 ms; the blade stays off for at least this long
   blade_turn_min,  // 1 pulses/s; what the blade's sensor gives at least while the blade turns; 0: no sensor fitted
   blade_spin_time,  // 1 ms; longest time that the blade takes to start, and to stop
