@@ -36,7 +36,8 @@ LEAST_PICTURES: Final = 40
 """In a weave of 15 s: one in each of the turns that are compared, at least."""
 LEAST_TURN_RAD: Final = 0.1
 """Between the leftmost and the rightmost heading of the drive, rad. The slowest steering of the
-design turns a machine of 1.2 m wheelbase by 0.13; 0.2 rad told the delay to 4 ms."""
+design turns a machine of 1.2 m wheelbase by 0.13. A drive that turned by 0.2 told the delay to 4
+ms."""
 UPPER: Final = 0.6
 """Of the picture's height: what is farther away, and moves by the turning alone."""
 WIDE_PX: Final = 320
