@@ -22,8 +22,8 @@ JUDGED_DUTY: Final = 40.0
 """Above steer_min_duty, from which on the firmware judges (kDrivenHard)."""
 FULL_DUTY: Final = 255.0
 LEAST_SHARE: Final = 0.5
-"""So that a potentiometer that sticks is found after twice the time at most, however stiff the motor
-seems: the wheel turns until then."""
+"""So that a potentiometer that sticks is found after twice the time at most, however stiff the
+motor seems: the wheel turns until then."""
 
 
 def share_at_least_duty(least_duty: float, friction_duty: float, breakaway_duty: float) -> float:
