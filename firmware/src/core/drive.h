@@ -87,7 +87,7 @@ class Drive {
   void release();
   // The ramped setpoint, mm/s; 0 while released.
   int16_t setpoint() const { return static_cast<int16_t>(setpoint_ / 16); }
-  // Once a tick, whether it is driven or not: what a sound machine may go at, mm/s, 0 or more. It
+  // Once a tick where speed is known: what a sound machine may go at, mm/s, 0 or more. It
   // falls as the machine's lag lets it: one that is told to stand rolls on at first.
   int16_t allowed();
 
