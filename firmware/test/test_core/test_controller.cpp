@@ -998,6 +998,30 @@ TEST_CASE("A wheel that turns faster than asked latches after 0.4 s, armed only"
   }
 }
 
+TEST_CASE("A machine that slows as its lag lets it is no runaway, and one without a lag is") {
+  for (const int16_t lag_ms : {1000, 0}) {
+    Rig rig;
+    rig.set(Param::hall_per_metre, 1000);
+    rig.set(Param::drive_lag, lag_ms);
+    rig.set(Param::drive_accel, 5000);
+    rig.arm();
+    rig.ask(1000);
+    const auto roll = [&rig](int ticks, int ticks_a_pulse) {
+      for (int k = 0; k < ticks; ++k) {
+        if (k % ticks_a_pulse == 0) rig.board.wheel = static_cast<uint16_t>(rig.board.wheel + 1);
+        rig.drive_for(1);
+      }
+    };
+    roll(400, 2);  // 1 m/s
+    rig.ask(200);
+    roll(130, 3);  // 0.67 m/s, 0.35 and more above what is asked, for half a second
+    CHECK(rig.faults() == (lag_ms == 0 ? protocol::WHEEL_RUNAWAY : 0U));
+    rig.ask(0);
+    roll(600, 3);  // and it does not slow at all
+    CHECK(rig.faults() == protocol::WHEEL_RUNAWAY);
+  }
+}
+
 TEST_CASE("Pulses that no machine can give are noise") {
   Rig rig;
   rig.set(Param::hall_per_metre, 200);

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from hil.bench.harvest import Harvest
@@ -15,6 +16,8 @@ from hil.scenario.scenario import changed, load
 from hil.studies.actuators import truth
 from hil.studies.beliefs import CASES, harmless, scenario_of
 from hil.studies.commissioning import (
+    GROUND_BOARD,
+    board_picture,
     commission,
     found_by_tape,
     found_delay,
@@ -27,7 +30,7 @@ from hil.studies.yard_wire import BenchWire
 from host.core.errors import UserError
 from host.link import protocol
 from host.pilot.phase import Phase
-from host.tune.checkerboard import Lens
+from host.tune.checkerboard import Lens, corners
 from host.tune.measured_drive import Taped, Way, measure_drive
 from sim_plant.drive_response import drive_response
 
@@ -68,6 +71,19 @@ def test_a_board_on_the_ground_is_not_mixed_up_with_its_own_next_row(seed: int) 
     mount = found_mount(world, known, Draw(seed).rng("boards"))
     assert mount.pitch_deg == pytest.approx(lens.pitch_deg, abs=0.2)
     assert mount.z_m == pytest.approx(lens.z_m, abs=0.01)
+
+
+def test_a_board_far_before_a_low_camera_is_seen_whole_whatever_the_noise() -> None:
+    lens = random_field(NARROW_VIEW).world.lens
+    # its columns run to the right, its rows towards the machine
+    rotation = lens.axes @ np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+    middle = 0.5 * GROUND_BOARD.square_m * np.array([8.0, 5.0, 0.0])
+    to_board = np.array([1.9, 0.0, 0.0]) - np.array([lens.x_m, lens.y_m, lens.z_m])
+    shift = lens.axes @ to_board - rotation @ middle
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        picture = board_picture(lens, GROUND_BOARD, rotation, shift, rng)
+        assert corners(picture, GROUND_BOARD) is not None
 
 
 @needs_firmware

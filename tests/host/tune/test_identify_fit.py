@@ -26,6 +26,7 @@ from host.tune.actuator_model import (
     relay_figures,
 )
 from host.tune.pot_calibration import PotCalibration, counts_of
+from host.tune.stall_time import stall_time_ms
 from host.tune.step_response import Step
 
 
@@ -147,6 +148,15 @@ def test_every_rule_stays_within_the_firmwares_ranges(
     for name, value in pid_rules.gains(rule, actuator(gain, lag, friction)).items():
         spec = protocol.PARAMS[name]
         assert spec.from_raw(spec.to_raw(value)) == value
+
+
+def test_a_stiff_steering_is_given_more_time_to_show_that_it_turns() -> None:
+    stiff = actuator(friction=63.0)
+    usual = stall_time_ms(stiff.slew_degps, stiff.backlash_deg.value)
+    assert pid_rules.gains("optimise", stiff)["stall_time"] > usual + 20.0
+    light = actuator(friction=33.0)
+    by_speed = stall_time_ms(light.slew_degps, light.backlash_deg.value)
+    assert pid_rules.gains("lambda", light)["stall_time"] == by_speed
 
 
 def test_at_the_ultimate_gain_the_loop_is_at_the_edge() -> None:

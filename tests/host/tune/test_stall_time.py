@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import pytest
 
 from host.link import protocol
+from host.tune import stall_time
 from host.tune.stall_time import share_at_least_duty, stall_time_ms
+
+SUPERVISOR = Path(__file__).parents[3] / "firmware" / "src" / "core" / "supervisor.cpp"
 
 
 @pytest.mark.parametrize(
@@ -43,3 +49,14 @@ def test_a_stiff_motor_is_waited_for_as_its_friction_takes_more_of_a_small_duty(
     assert share_at_least_duty(least, friction, breakaway) == pytest.approx(share, abs=1e-3)
     waited = stall_time_ms(40.0, 2.0, share) - 100.0
     assert waited == pytest.approx((stall_time_ms(40.0, 2.0) - 100.0) / share, abs=1.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("kDrivenHard", stall_time.JUDGED_DUTY), ("kLagMs", stall_time.LAG_MS),
+     ("kFullDuty", stall_time.FULL_DUTY)],
+)  # fmt: skip
+def test_it_reckons_with_what_the_firmware_does(name: str, value: float) -> None:
+    found = re.search(rf"{name} = (\d+);", SUPERVISOR.read_text(encoding="utf-8"))
+    assert found is not None
+    assert float(found[1]) == value

@@ -212,6 +212,24 @@ def test_the_lens_is_found_from_printed_boards() -> None:
     assert lens.error_px < 0.5
 
 
+def test_a_board_whose_rows_are_a_few_pixels_high_is_found() -> None:
+    """As it lies on the ground before a low camera: 40 by 6 pixels a square."""
+    square, wide, high = 80, 40, 6
+    table = np.indices((BOARD.rows + 5, BOARD.columns + 5)).sum(0) % 2
+    inside = np.pad(table[2:-2, 2:-2], 2, constant_values=1)
+    large = np.kron(inside, np.ones((square, square))) * 190 + 30
+    size = ((BOARD.columns + 5) * wide, (BOARD.rows + 5) * high)
+    small = cv2.resize(large.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    picture = np.full((480, 640), 120.0, np.float32)
+    picture[200 : 200 + size[1], 20 : 20 + size[0]] = small
+    seen = corners(np.repeat(picture.astype(np.uint8)[..., None], 3, axis=2), BOARD)
+    assert seen is not None
+    across, down = np.meshgrid(np.arange(BOARD.columns), np.arange(BOARD.rows))
+    true = np.stack([20 + wide * (3 + across) - 0.5, 200 + high * (3 + down) - 0.5], axis=-1)
+    found = np.sort(seen.reshape(-1, 2), axis=0)
+    assert np.abs(found - np.sort(true.reshape(-1, 2), axis=0)).max() < 0.3
+
+
 def test_too_few_boards_say_how_many_are_needed() -> None:
     with pytest.raises(UserError, match="2 pictures, 5 are needed"):
         calibrate_lens([on_ground(TRUE, 2.0)] * 2, (640, 480), BOARD)
