@@ -9,9 +9,9 @@ import click
 from rich.table import Table
 
 from hil.firmware.provision import check_built
+from hil.scenario.drawn_machine import NOMINAL_RANGES
 from hil.studies.actuators import (
     DAY_RANGES,
-    NOMINAL_RANGES,
     Firmware,
     population,
 )

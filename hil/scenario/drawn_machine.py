@@ -8,12 +8,24 @@ more changes no other part of a seed.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any, Final
 
 from hil.scenario.drawn import Drawn
 from sim_plant.camera import MOUNTS
 from sim_plant.gyro import GyroSpec
 from sim_plant.machine import BatterySpec, BridgeSpec, DriveSpec, MachineSpec, SteeringSpec
+
+NOMINAL_RANGES: Final[Mapping[str, tuple[float, float]]] = {
+    "slew_degps": (20.0, 60.0),
+    "lag_s": (0.05, 0.1),
+    "stiction_counts": (25.0, 90.0),
+    "backlash_deg": (0.5, 2.0),
+    "pot_counts_per_deg": (4.0, 5.0),
+    "bridge_drop_v": (0.3, 3.2),
+}
+"""The steering actuators of the design (docs/build/README.md); the bridge from a BTS7960 to an
+L298N at its worst."""
 
 BLADE_AT: Final = (0.82, 0.95)
 """Of the picture's height, from above: where a mast's builder has the blade's line, "at the lower
@@ -24,18 +36,19 @@ def drawn_machine(seed: int) -> MachineSpec:
     """The machine of a seed: a tricycle whose blade is wider than its wheels."""
     lengths, within = Drawn(seed, 0x6E0), Drawn(seed, 0x3AC8).within
     blade_m = lengths.within(0.85, 1.25)
+    ranges = NOMINAL_RANGES
     steering = SteeringSpec.from_response(
-        slew_degps=within(20.0, 60.0),
-        lag_s=within(0.05, 0.1),
-        stiction_counts=within(25.0, 90.0),
-        backlash_deg=within(0.5, 2.0),
-        bridge=BridgeSpec(drop_v=within(0.3, 3.2)),
+        slew_degps=within(*ranges["slew_degps"]),
+        lag_s=within(*ranges["lag_s"]),
+        stiction_counts=within(*ranges["stiction_counts"]),
+        backlash_deg=within(*ranges["backlash_deg"]),
+        bridge=BridgeSpec(drop_v=within(*ranges["bridge_drop_v"])),
         stop_deg=within(52.0, 58.0),
     )
     steering = steering.model_copy(
         update={
             "pot_centre_counts": within(490.0, 535.0),
-            "pot_counts_per_deg": within(4.0, 5.0),
+            "pot_counts_per_deg": within(*ranges["pot_counts_per_deg"]),
             "pot_noise_counts": within(1.0, 3.0),
         }
     )

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.firmware import coupling, provision
+from hil.scenario.drawn_machine import NOMINAL_RANGES
 from host.core.errors import UserError
 from host.link import protocol
 from host.link.session import Session
@@ -122,16 +123,6 @@ def truth(spec: MachineSpec) -> Truth:
         friction_duty=255.0 * dead + per_nm * s.coulomb_nm,
     )
 
-
-NOMINAL_RANGES: Final[Mapping[str, tuple[float, float]]] = {
-    "slew_degps": (20.0, 60.0),
-    "lag_s": (0.05, 0.1),
-    "stiction_counts": (25.0, 90.0),
-    "backlash_deg": (0.5, 2.0),
-    "pot_counts_per_deg": (4.0, 5.0),
-    "bridge_drop_v": (0.3, 3.2),
-}
-"""The design's actuators; the bridge from a BTS7960 to an L298N at its worst."""
 
 DAY_RANGES: Final[Mapping[str, tuple[float, float]]] = {
     "battery_v": (11.5, 12.9),

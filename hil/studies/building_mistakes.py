@@ -30,7 +30,7 @@ from host.check.walk import walk
 from host.core.errors import UserError
 from host.core.frames import LocalFrame
 from host.core.messages import Command, Fix, Telemetry, Turned
-from host.core.vehicle import Vehicle
+from host.core.vehicle import Mount, Vehicle
 from host.core.vehicle_file import load_vehicle, mount_of
 from host.field.boundary_file import load_field
 from host.link import protocol
@@ -419,6 +419,9 @@ class Outcome:
     lines: tuple[Line, ...]
     simulated_s: float
     blade_armed: bool
+    off: Mapping[str, float] = field(default_factory=dict)
+    """What the roll's figures are off by: pitch, yaw and roll of the camera, degrees, and `delay`,
+    s; empty where it gave none."""
 
     @property
     def green(self) -> bool:
@@ -467,7 +470,22 @@ def _inspected(base: scenario.Scenario, wrong: Mistake, out: Path) -> Outcome:
     with Bench(world) as bench:
         hands = LockstepHands(bench, vehicle, good["mount"], "robust", wrong)
         lines = walk(hands, target)
-        return Outcome(tuple(lines), bench.now, hands.armed_blade)
+        off = _off(lines, world, hands.mount)
+        return Outcome(tuple(lines), bench.now, hands.armed_blade, off)
+
+
+def _off(lines: Sequence[Line], scene: scenario.Scenario, believed: Mount) -> dict[str, float]:
+    """What the lines of the roll say, less what is so."""
+    said = {line.name: line.values for line in lines}
+    found: dict[str, float] = {}
+    lens = scene.world.lens
+    for name in ("pitch", "yaw", "roll"):
+        if name in said["mount"]:
+            key = f"{name}_deg"
+            found[name] = said["mount"][name] - (getattr(lens, key) - getattr(believed, key))
+    if "seen" in said["delay"]:
+        found["delay"] = said["delay"]["seen"] - lens.delay_s
+    return found
 
 
 def _shifted(geojson: str, metres: float) -> str:

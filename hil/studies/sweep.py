@@ -23,9 +23,9 @@ from pydantic import Field, ValidationError, model_validator
 from scipy.stats import spearmanr
 
 from hil.firmware import targets
+from hil.scenario.drawn_machine import NOMINAL_RANGES
 from hil.studies.actuators import (
     DAY_RANGES,
-    NOMINAL_RANGES,
     Firmware,
     Plant,
     deadline_s,

@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -39,6 +40,8 @@ class Row:
     findings: tuple[str, ...]
     armed: bool
     seconds: float
+    off: Mapping[str, float]
+    """What the figures of its roll are off by, degrees and s."""
 
     @property
     def ok(self) -> bool:
@@ -59,11 +62,11 @@ def walked(name: str, seed: int | None) -> Row:
     # What is not green without a finding was skipped: a good machine must pass every line.
     missing = ("not green",) if mistake is None and not seen.green else ()
     findings = seen.findings + missing
-    return Row(name, wanted, findings, seen.blade_armed, round(seen.simulated_s, 1))
+    return Row(name, wanted, findings, seen.blade_armed, round(seen.simulated_s, 1), seen.off)
 
 
 def summary(rows: Sequence[Row]) -> dict[str, Any]:
-    """Counts and the longest check."""
+    """Counts, the longest check, and what the good machines' rolls are off by."""
     wrong = [row for row in rows if row.wanted]
     good = [row for row in rows if not row.wanted]
     return {
@@ -74,8 +77,20 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
         "blade_armed": sum(row.armed for row in rows),
         "longest_check_s": max((row.seconds for row in rows), default=0.0),
         "longest_good_check_s": max((row.seconds for row in good), default=0.0),
+        **_errors([row.off for row in good]),
         "rows": [asdict(row) for row in rows],
     }
+
+
+def _errors(off: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Root mean square and worst of each figure of the rolls."""
+    found = {}
+    for name, unit in (("pitch", "deg"), ("yaw", "deg"), ("roll", "deg"), ("delay", "s")):
+        values = [one[name] for one in off if name in one]
+        if values:
+            found[f"{name}_rms_{unit}"] = round(math.hypot(*values) / math.sqrt(len(values)), 2)
+            found[f"{name}_worst_{unit}"] = round(max(map(abs, values)), 2)
+    return found
 
 
 def main() -> int:

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hil.scenario.drawn_machine import NOMINAL_RANGES
 from hil.studies.actuators import (
-    NOMINAL_RANGES,
     Plant,
     Stand,
     calibration,

@@ -69,6 +69,8 @@ def test_good_machines_are_not_accused_whatever_they_are_built_of(
     outcome = good_machine(seed, tmp_path)
     assert outcome.findings == ()
     assert outcome.green
+    assert abs(outcome.off["pitch"]) < 2.0 and abs(outcome.off["yaw"]) < 1.5
+    assert abs(outcome.off["roll"]) < 3.0 and abs(outcome.off["delay"]) < 0.25
     assert outcome.simulated_s < CHECK_S
 
 

@@ -8,8 +8,8 @@ from statistics import mean
 import numpy as np
 import pytest
 
+from hil.scenario.drawn_machine import NOMINAL_RANGES
 from hil.studies.actuators import (
-    NOMINAL_RANGES,
     Plant,
     Stand,
     calibration,
