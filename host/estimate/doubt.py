@@ -25,9 +25,11 @@ steering angle leaves. More would let edges of other strips turn a machine that 
 40 degrees against gyroscope and courses (model field 10215)."""
 
 
-def states(yaw_variance: float) -> list[int]:
-    """What a contradiction takes back: the machine's place, and its lane's."""
-    place = [X, Y] if yaw_variance > YAW_RAD**2 else [X, Y, YAW]
+def states(yaw_variance: float, *, by_gyro: bool) -> list[int]:
+    """What a contradiction takes back: the machine's place, and its lane's. Its direction as well,
+    unless a gyroscope tells that (`by_gyro`): an edge in steps, 0.4 m to and fro, had turned such a
+    machine by 8 degrees, and off its strip (field 10578)."""
+    place = [X, Y] if by_gyro or yaw_variance > YAW_RAD**2 else [X, Y, YAW]
     return [*place, LANE_OFFSET, LANE_YAW]
 
 

@@ -239,9 +239,10 @@ class Position(Readings):
         elif self._undoubted == math.inf:
             self._undoubted = self.sigma(seen.h[0])
         if not taken and doubts:
-            here_m = self._past.distance_m if self._past else math.nan
+            past = self._past
+            here_m, by_gyro = (past.distance_m, past.by_gyro) if past else (math.nan, False)
             growth = self._doubt.growth(here_m, cutting=cutting)
-            self.doubt(seen, doubt.states(float(self._p[YAW, YAW])), growth)
+            self.doubt(seen, doubt.states(float(self._p[YAW, YAW]), by_gyro=by_gyro), growth)
         return taken
 
     @property

@@ -82,6 +82,14 @@ class PlannedStrip(PlanSide):
         return estimate.swaths.beside(self._blade(self._reckoned), placed, farther_m)
 
     @property
+    def lies_its_crop(self) -> bool:
+        if not self.outermost or self._border_met:
+            return self.surely_crop
+        # no strip has been cut across its end, so no swath lies there
+        doubt_m = max(self._doubt_m, self._end_sigma_m)
+        return self.along_m(self.estimate.motion) < self.side.length_m + SIGMAS * doubt_m
+
+    @property
     def _reckoned(self) -> tuple[float, float, float]:
         here = self.estimate.motion
         return here.x_m, here.y_m, here.yaw_rad

@@ -161,7 +161,7 @@ class Sight:
         estimate.pictures.take(view, then)
         # Elsewhere swath may lie across: it must lead no blade through a gap.
         view = self._of_lane(
-            view.with_lying() if strip.surely_crop else view, strip, then, beside=beside
+            view.with_lying() if strip.lies_its_crop else view, strip, then, beside=beside
         )
         self.view, self.stamp = view, frame.stamp
         self.usable.note(frame.stamp, view.usable)

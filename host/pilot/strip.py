@@ -182,6 +182,11 @@ class Strip:
         return False
 
     @property
+    def lies_its_crop(self) -> bool:
+        """Whether what seems to lie before the blade is crop of its own, and no swath."""
+        return self.surely_crop
+
+    @property
     def surely_own(self) -> bool:
         """Whether crop before the blade is the field's own by more than any belief errs: the strip
         goes on, or the field does beyond it."""

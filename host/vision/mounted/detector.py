@@ -23,7 +23,7 @@ from host.vision.mounted.face import (
     FaceFinder,
 )
 from host.vision.mounted.lens import LensWatch
-from host.vision.mounted.lying import LyingCrop
+from host.vision.mounted.lying import AHEAD_M, LyingCrop
 from host.vision.mounted.paper import (
     L_TOLERANCE,
     Chain,
@@ -175,7 +175,8 @@ class MountedDetector:
         tops = statistics.median(self._tops) if len(self._tops) >= TRACKED else NAN
         grown = statistics.median(self._all_tops) if len(self._all_tops) >= TRACK else NAN
         self._lens.see(seen.grey)
-        face = self._finder.find(seen, stands, expected, tops, grown)
+        meets = not (self._cutting or self._near)
+        face = self._finder.find(seen, stands, expected, tops, grown, meets=meets)
         late = self._near and not self._cutting and self._below_tops
         if late and face.ahead_m > NEAR_M:
             face = self._finder.last(self._source.look(bgr, False, True)[0], face, grown)
@@ -296,7 +297,7 @@ class MountedDetector:
             if min(face.ahead_confidence, face.right_confidence) >= SURE:
                 self._lying.learn(bgr, face.right_m)
             return 0.0
-        if not self._near or face.ahead_m < NEAR_M:
+        if not self._near or face.ahead_m < AHEAD_M:
             return 0.0
         lies = self._lying.confidence(bgr, expected)
         if self._lay and lies < SURE:

@@ -9,6 +9,7 @@ import pytest
 from host.core.vehicle import Vehicle
 from host.estimate.doubt import Doubt
 from host.estimate.odometry import Motion
+from host.estimate.states import YAW
 from tests.helpers.places import OnLane
 
 VEHICLE = Vehicle()
@@ -49,3 +50,23 @@ def test_backward_is_a_way_too() -> None:
 def test_a_machine_of_which_nothing_shows_whether_it_stands_doubts_as_one_that_drives() -> None:
     doubt = Doubt()
     assert [doubt.growth(math.nan, cutting=False) for _ in range(3)] == pytest.approx([1.06] * 3)
+
+
+def turned_by_a_step(gyro_noise: float) -> float:
+    """How far the steps that an edge makes at every half metre, to and fro, turn a machine that has
+    driven along it, rad at most."""
+    machine, most = OnLane(VEHICLE), 0.0
+    for k in range(400):
+        run = 0.02 * k
+        way = Motion(k / 25.0, 0.5, 0.0, run, 0.0, run, 0.0, gyro_noise)
+        machine.position.predict(way, cutting=True)
+        aside = 0.0 if run < 2.0 else 0.6 if run % 1.0 < 0.5 else -0.3
+        machine.lane.correct(aside, math.nan, 1.0, (0.0, 0.0))
+        most = max(most, abs(float(machine.position.x[YAW])))
+    return most
+
+
+def test_an_edge_in_steps_hardly_turns_a_machine_whose_gyroscope_tells_its_direction() -> None:
+    """It had turned one by 8 degrees, which then was off its strip by a metre (field 10578)."""
+    assert turned_by_a_step(0.002) < math.radians(4.0)
+    assert turned_by_a_step(0.0) > math.radians(6.0)

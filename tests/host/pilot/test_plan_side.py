@@ -71,6 +71,28 @@ def test_crop_is_the_fields_own_as_long_as_the_field_goes_on_and_the_strip_does_
 
 
 @pytest.mark.parametrize(
+    ("index", "left_m", "its"),
+    [
+        (1, 8.0, True),
+        (1, 0.5, True),
+        (1, -0.2, True),
+        (1, -3.0, False),
+        (3, 8.0, True),
+        (3, 0.5, False),
+        (4, 8.0, True),
+        (4, 0.5, False),
+    ],
+)
+def test_what_lies_at_an_end_across_which_nobody_has_driven_is_crop_and_elsewhere_may_be_swath(
+    index: int, left_m: float, its: bool
+) -> None:
+    """The first round's last side ends where its first has left swath."""
+    plan = replace(PLAN, sigma_m=0.3)
+    context = on_side(index, plan, cut_m=plan.sides[index].length_m - left_m)
+    assert context.strip.lies_its_crop is its
+
+
+@pytest.mark.parametrize(
     ("x_m", "sigma_m", "own"), [(5.0, 0.2, True), (2.5, 0.2, False), (5.0, 0.6, False)]
 )
 def test_deep_inside_a_boundary_that_was_found_what_stands_is_the_fields(

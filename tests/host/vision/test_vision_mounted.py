@@ -104,6 +104,11 @@ def dusty(picture: NDArray[np.uint8], first_row: int) -> NDArray[np.uint8]:
     return np.clip(picture * (1 - thick) + 150 * thick, 0, 255).astype(np.uint8)
 
 
+def by_its_foot() -> MountedDetector:
+    """Has met nothing, and is told of so high a crop that tops of 0.9 m tell it nothing."""
+    return make_detector("robust", Vehicle(crop_height_m=1.2), LOW)
+
+
 def test_dust_before_the_foot_of_crop_that_is_being_cut_is_not_its_end() -> None:
     eye = detector("robust", LOW)
     assert eye.see(field(LOW, next_crop_m=None)).crop_ahead_m == pytest.approx(0, abs=0.1)
@@ -111,8 +116,7 @@ def test_dust_before_the_foot_of_crop_that_is_being_cut_is_not_its_end() -> None
     view = eye.see(hidden)
     assert view.crop_ahead_m < 0.3
     assert view.edge_offset_m == pytest.approx(0, abs=0.1)
-    fresh = detector("robust", LOW)
-    assert fresh.see(hidden).crop_ahead_m > 0.3
+    assert by_its_foot().see(hidden).crop_ahead_m > 0.3
 
 
 def test_a_face_that_dust_veils_is_no_end() -> None:
@@ -366,6 +370,45 @@ def test_crop_that_looks_too_high_for_where_its_foot_seems_to_be_is_no_clear_gro
     assert (view.ahead_confidence >= 0.5) is not lodged
 
 
+def behind_lodged(ahead_m: float, right_m: float) -> NDArray[np.uint8]:
+    """Crop from LOW before whose foot stalks lie, of its colours, up to where it seems to stand
+    2.4 m farther off."""
+    camera, rng = Camera(LOW), np.random.default_rng(3)
+    picture = field(LOW, right_m=right_m, face_x_m=1.5 + ahead_m, next_crop_m=None).copy()
+    to_row = int(camera.project([[1.5 + ahead_m + 2.4, 0.0, 0.0]])[0, 1])
+    left = int(camera.project([[1.5 + ahead_m, right_m, 0.0]])[0, 0])
+    picture[to_row:, :left] = (60, 95, 120)
+    for _ in range(3000):
+        u, v = rng.integers(0, max(1, left - 60)), rng.integers(to_row + 6, 479)
+        colour = tuple(float(min(255, c * rng.uniform(0.5, 1.1))) for c in (90, 165, 205))
+        cv2.line(picture, (int(u), int(v)), (int(u) + 50, int(v) - 5), colour, 1)
+    return picture
+
+
+@pytest.mark.parametrize("right_m", [-0.45, -0.15])
+@pytest.mark.parametrize("told_m", [0.85, 0.9])
+def test_crop_that_is_to_be_met_stands_where_its_tops_show_it_if_stalks_lie_before_its_foot(
+    right_m: float, told_m: float
+) -> None:
+    """Taken for as far off as its foot seemed, its edge was a third of a metre aside, and the blade
+    stood still as it met the crop (field 10578)."""
+    eye = make_detector("robust", Vehicle(crop_height_m=told_m), LOW)
+    view = eye.see(behind_lodged(0.4, right_m))
+    assert view.ahead_confidence >= 0.5
+    assert view.crop_ahead_m == pytest.approx(0.4, abs=0.4)
+    assert view.edge_offset_m == pytest.approx(right_m + 0.45, abs=0.2)
+
+
+@pytest.mark.parametrize("told_m", [0.8, 1.0])
+@pytest.mark.parametrize("ahead_m", [1.2, 1.8, 2.4])
+def test_crop_that_is_to_be_met_stands_where_its_foot_shows_it_whatever_was_told_of_its_height(
+    ahead_m: float, told_m: float
+) -> None:
+    eye = make_detector("robust", Vehicle(crop_height_m=told_m), LOW)
+    view = eye.see(field(LOW, face_x_m=1.5 + ahead_m, next_crop_m=7))
+    assert view.crop_ahead_m == pytest.approx(ahead_m, abs=0.25)
+
+
 @pytest.mark.parametrize(("tops_m", "clear"), [(0.8, False), (2.8, True)])
 def test_crop_that_stands_far_by_how_high_it_looks_too_leaves_the_ground_clear(
     tops_m: float, clear: bool
@@ -388,7 +431,7 @@ def test_crop_that_stands_far_by_how_high_it_looks_too_leaves_the_ground_clear(
 def test_crop_does_not_recede_before_a_machine_that_follows_it() -> None:
     near = field(LOW, face_x_m=1.5 + 0.5, next_crop_m=None)
     hidden = dusty(near, 225)
-    assert detector("robust", LOW).see(hidden).crop_ahead_m > 0.9
+    assert by_its_foot().see(hidden).crop_ahead_m > 0.9
     eye = detector("robust", LOW)
     eye.see(near)
     assert eye.see(hidden).crop_ahead_m == pytest.approx(0.5, abs=0.15)
