@@ -264,7 +264,10 @@ void Controller::observe(Board &board) {
   seen.estop_open = board.estop_open();
   seen.hall_silent = hall_.lost();
   seen.hall_noisy = hall_.noisy();
-  seen.wheel_fast = hall_.speed() != Hall::kNone && hall_.fast(drive_.allowed());
+  if (hall_.speed() != Hall::kNone) {
+    drive_.update_allowed();
+    seen.wheel_fast = hall_.fast(drive_.allowed());
+  }
   seen.wrong_way = hall_.wrong_way();
   seen.blade_lost = blade_.lost();
   seen.blade_stuck = blade_.stuck();

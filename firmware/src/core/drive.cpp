@@ -151,11 +151,10 @@ void Drive::release() {
   setpoint_ = 0;
 }
 
-int16_t Drive::allowed() {
+void Drive::update_allowed() {
   const int32_t asked = magnitude(setpoint_) << 8;
   const int32_t above = allowed_ - asked;
   allowed_ = above > 0 ? allowed_ - (((above >> 8) * follows_) >> 6) : asked;
-  return static_cast<int16_t>(allowed_ >> 12);
 }
 
 int16_t Drive::step(int16_t target, int16_t measured, int16_t battery, bool stuck) {

@@ -87,9 +87,11 @@ class Drive {
   void release();
   // The ramped setpoint, mm/s; 0 while released.
   int16_t setpoint() const { return static_cast<int16_t>(setpoint_ / 16); }
-  // Once a tick where speed is known: what a sound machine may go at, mm/s, 0 or more. It
-  // falls as the machine's lag lets it: one that is told to stand rolls on at first.
-  int16_t allowed();
+  // Once a tick where speed is known: what a sound machine may go at rises with the setpoint, and
+  // falls as its lag lets it. One that is told to stand rolls on at first.
+  void update_allowed();
+  // That speed, mm/s, 0 or more.
+  int16_t allowed() const { return static_cast<int16_t>(allowed_ >> 12); }
 
  private:
   // The battery's voltage (mV) that the duty is reckoned with: none below the parameter
