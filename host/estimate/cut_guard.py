@@ -92,6 +92,8 @@ class CutGuard:
         self._cut_to_m = -math.inf
         """The way as far as pictures have shown crop at the blade: what lies before that is cut,
         and no clear ground for a machine that has backed over it."""
+        self._mown_to_m = -math.inf
+        """The way as far as the blade has turned on this side."""
         self._clear_from_m: float | None = None
         self._clear_to_m = -math.inf
         """As far as pictures have shown that ground to be clear."""
@@ -133,6 +135,11 @@ class CutGuard:
         return self._cut_to_m - self._way_m
 
     @property
+    def over_mown_m(self) -> float:
+        """The same of ground over which its blade has not turned yet, whatever stood there."""
+        return self._mown_to_m - self._way_m
+
+    @property
     def driven_m(self) -> float:
         """How far the machine has come since the side was begun, at most."""
         return self._way_m - self._begun_m
@@ -155,7 +162,7 @@ class CutGuard:
         self._slack_m = slack_m
         self._begun_m = self._way_m
         self._cutting = False
-        self._cut_to_m = -math.inf
+        self._cut_to_m = self._mown_to_m = -math.inf
         self._clear_from_m = self._held_since = None
         self._at_blade = 0
         self._crossing = False
@@ -186,6 +193,8 @@ class CutGuard:
         if not math.isfinite(dt):
             return
         self._way_m += self._speed(telemetry) * dt
+        if telemetry.blade:
+            self._mown_to_m = max(self._mown_to_m, self._way_m)
         self._past.append((telemetry.stamp, self._way_m))
         while self._past[0][0] < telemetry.stamp - HISTORY_S:
             self._past.popleft()

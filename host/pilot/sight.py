@@ -48,6 +48,9 @@ MOVED_M = 0.01
 MOVING_MPS = 0.03
 BESIDE_SURE, BESIDE_LASTS_M = 0.6, 0.5
 """How sure the edge of crop beside the machine is, and the way for which that is there."""
+MOWN_M = 0.1
+"""By which what the blade has left beside its way may seem to stand farther off: twice what such an
+edge errs (docs/understand/vision.md)."""
 IN_THE_WAY_M = 0.1
 """Of the blade that is before a strip beside which the machine backs, at least, for its crop's
 right end to be seen as any other: rendered pictures of a way back had it 0.04 m too near then, give
@@ -229,8 +232,11 @@ class Sight:
                 return view
             if min(strip.along_m(then), strip.left_m() - BESIDE_AHEAD_M) <= 0.0:
                 return view
-            # Beside what the machine has cut it is the next strip's.
-            if self._estimate.cut.over_cut_m > BESIDE_AHEAD_M:
+            # Beside what the machine has cut it is the next strip's; and where its blade has
+            # turned, what is left stands beside the blade's end, whosever it is.
+            cut, left_m = self._estimate.cut, self._vehicle.blade_width_m + MOWN_M
+            mown = cut.over_mown_m > BESIDE_AHEAD_M and view.edge_beside_m < left_m
+            if mown or cut.over_cut_m > BESIDE_AHEAD_M:
                 return view
             self.beside_at_m = then.distance_m
             if view.confidence >= CONFIDENT and view.crop_ahead_m < BESIDE_M[1]:

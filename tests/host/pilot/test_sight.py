@@ -211,6 +211,33 @@ def test_beside_what_the_machine_has_cut_the_next_strip_stands(
     assert context.sight.beside(context.motion) is is_lane
 
 
+@pytest.mark.parametrize("blade", [True, False])
+@pytest.mark.parametrize(("beside_m", "mown"), [(0.6, True), (0.95, True), (1.3, False)])
+def test_beside_where_the_blade_has_turned_what_it_has_left_stands_and_tells_nothing_of_the_lane(
+    beside_m: float, mown: bool, blade: bool
+) -> None:
+    """No picture had shown the lodged crop that it cut there at the blade: it took the face that
+    it had left for its strip's edge, a blade's width inside (picture field 10571)."""
+    context = on_side(cut_m=3.0, eye=Shown(replace(BESIDE, edge_beside_m=beside_m)))
+    stamp, at_m = NOW, 3.0
+    for step_m, spins in ((0.03, blade), (-0.03, False)):
+        for _ in range(60):
+            stamp, at_m = stamp + 0.1, at_m + step_m
+            told_now = replace(
+                told(10 * step_m, at_m), stamp=stamp, drive_duty=round(2000 * step_m)
+            )
+            context.estimate.take_telemetry(replace(told_now, blade=spins))
+    context.estimate.position.less_sure(0.5, 0.0)
+    before = context.estimate.lane.blade_offset_m
+    context.sight.edge_at_m = 2.0
+    for k in range(LEAP_PICTURES):
+        frame = Frame(stamp + 0.1 * k, np.zeros((1, 1, 3), np.uint8))
+        context.sight.take(frame, LookAtEnd.gaze, context.strip, None, NOW - 10.0, lambda _: True)
+    is_lane = not (mown and blade)
+    assert (context.estimate.lane.blade_offset_m - before < -0.3) is is_lane
+    assert context.sight.beside(context.motion) is is_lane
+
+
 @pytest.mark.parametrize(
     ("ahead_m", "end_m", "beside_m", "unsure_m", "taken_m"),
     [
@@ -336,13 +363,16 @@ def test_what_was_seen_beside_one_way_back_tells_nothing_of_the_next() -> None:
     assert context.estimate.lane.blade_offset_m == before
 
 
-@pytest.mark.parametrize(("cut_m", "ahead_m"), [(4.0, 0.0), (7.5, math.inf), (9.7, math.inf)])
-def test_what_seems_to_lie_is_crop_only_where_the_plan_has_crop_beyond_doubt(
-    cut_m: float, ahead_m: float
+@pytest.mark.parametrize(
+    ("side", "left_m", "ahead_m"),
+    [(3, 6.0, 0.0), (3, 2.5, math.inf), (3, 0.3, math.inf), (0, 2.5, 0.0), (0, 0.3, 0.0)],
+)
+def test_what_seems_to_lie_is_crop_only_where_the_plan_has_crop_beyond_doubt_or_no_swath_lies(
+    side: int, left_m: float, ahead_m: float
 ) -> None:
-    """Elsewhere it may be swath, and a gap behind it."""
+    """The first round's last side ends at its first one's swath, and a gap behind it."""
     view = replace(BESIDE, ahead_confidence=1.0, edge_beside_m=math.nan, lies_confidence=0.8)
-    context = on_side(cut_m=cut_m, eye=Shown(view))
+    context = on_side(side, cut_m=PLAN.sides[side].length_m - left_m, eye=Shown(view))
     frame = Frame(context.motion.stamp, np.zeros((1, 1, 3), np.uint8))
     context.sight.take(frame, Follow.gaze, context.strip, None, NOW - 10.0, lambda _: True)
     assert context.sight.view is not None
