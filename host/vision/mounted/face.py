@@ -256,7 +256,8 @@ class FaceFinder:
         ahead, sight = self._ahead(x, y, sight)
         dust, tops = 0.0, self._tops(dense)
         if meets and self._foot_hidden(ahead, tops, grown_px):
-            ahead = max(0.0, self._by_tops_m(tops, grown_px))
+            nearer = max(0.0, self._by_tops_m(tops, grown_px))
+            dust, ahead = ahead - nearer, nearer
         hidden = CUT_HIDDEN_M if stands_m == 0.0 else HIDDEN_M
         if ahead > stands_m + hidden:
             if stands_m == 0.0 and self._from_above:
@@ -410,8 +411,9 @@ class FaceFinder:
     ) -> tuple[float, float, float]:
         """Lateral position of the face's right end on the plane at `face_x`, right of `left_m`, the
         confidence in it by this picture alone, and to where the face surely goes on. `expected_m`
-        is where it was before (NaN: unknown). `dust`: how far ahead its upper border made the foot
-        appear, 0 without; only what rises above it is then looked at."""
+        is where it was before (NaN: unknown). `dust`: how far ahead its upper border, or that of
+        stalks which lie before it, made the foot appear, 0 without; only what rises above it is
+        then looked at."""
         bands = self._bands(face_x, self._gap_m, height)
         if dust > 0.0:
             highest = TALLEST * height
