@@ -92,6 +92,16 @@ def test_what_lies_at_an_end_across_which_nobody_has_driven_is_crop_and_elsewher
     assert context.strip.lies_its_crop is its
 
 
+@pytest.mark.parametrize(("index", "its"), [(1, True), (5, False)])
+def test_what_lies_where_a_strip_inside_ends_at_no_border_may_be_swath(
+    index: int, its: bool
+) -> None:
+    side = replace(PLAN.sides[index], ends_at=NO_EDGE)
+    sides = (*PLAN.sides[:index], side, *PLAN.sides[index + 1 :])
+    context = on_side(index, replace(PLAN, sides=sides), cut_m=side.length_m - 0.5)
+    assert context.strip.lies_its_crop is its
+
+
 @pytest.mark.parametrize(
     ("x_m", "sigma_m", "own"), [(5.0, 0.2, True), (2.5, 0.2, False), (5.0, 0.6, False)]
 )

@@ -27,16 +27,19 @@ def bare(mount: Mount, seed: int = 20) -> Picture:
     return field(mount, right_m=-2.99, face_x_m=30, next_crop_m=1.5 + 2.5, seed=seed)
 
 
-def flattened(mount: Mount, picture: Picture | None = None, seed: int = 20) -> Picture:
-    """A picture, or `bare`, and crop lies on the ground from the blade on: its stalks as long as
-    those that stand and of their colours, gaps in their shade between them."""
+def flattened(
+    mount: Mount, picture: Picture | None = None, seed: int = 20, far_m: float = 1.2
+) -> Picture:
+    """A picture, or `bare`, and crop lies on the ground, far_m from the blade on: its stalks as
+    long as those that stand and of their colours, gaps in their shade between them."""
     picture = (bare(mount, seed) if picture is None else picture).copy()
     rng, camera = np.random.default_rng(seed), Camera(mount)
-    ground = np.array([[1.5, -0.45, 0], [2.7, -0.45, 0], [2.7, 3.0, 0], [1.5, 3.0, 0]])
+    far = 1.5 + far_m
+    ground = np.array([[1.5, -0.45, 0], [far, -0.45, 0], [far, 3.0, 0], [1.5, 3.0, 0]])
     shade = np.rint(camera.project(ground)).astype(np.int32)
     cv2.fillPoly(picture, [shade], (30, 45, 60))
     n = 1800
-    x, y = np.sort(rng.uniform(1.5, 2.7, n))[::-1], rng.uniform(-0.45, 3.0, n)
+    x, y = np.sort(rng.uniform(1.5, far, n))[::-1], rng.uniform(-0.45, 3.0, n)
     low, high = rng.uniform(0.0, 0.1, n), rng.uniform(0.02, 0.12, n)
     there = x + rng.normal(0.0, 0.05, n)
     feet = camera.project(np.column_stack([x, y, low]))
@@ -87,12 +90,14 @@ def test_crop_that_lies_at_the_blade_is_no_clear_ground(mount: Mount, seed: int)
 
 @each_mount
 @pytest.mark.parametrize("seed", [20, 21, 22])
-def test_crop_lies_before_crop_that_stands_a_metre_ahead(mount: Mount, seed: int) -> None:
+def test_crop_lies_before_crop_that_stands_0_7_m_ahead(mount: Mount, seed: int) -> None:
     """The blade has what lies before it still to cut: it was a side's end, 2.6 m early (field
     10555)."""
     eye = cutting(mount)
-    stands = field(mount, face_x_m=1.5 + 0.85, next_crop_m=None, seed=seed)
-    assert eye.see(flattened(mount, stands, seed)).lies_confidence >= 0.5
+    stands = field(mount, face_x_m=1.5 + 0.68, next_crop_m=None, seed=seed)
+    view = eye.see(flattened(mount, stands, seed, far_m=0.55))
+    assert 0.6 < view.crop_ahead_m < 1.0
+    assert view.lies_confidence >= 0.5
     eye = cutting(mount)
     assert eye.see(stands).lies_confidence < 0.5
 

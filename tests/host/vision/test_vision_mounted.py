@@ -74,6 +74,20 @@ def test_the_next_crop_behind_a_gap_is_not_crop_ahead(mode: Mode, mount: Mount) 
     assert view.ahead_confidence >= 0.5
 
 
+@pytest.mark.parametrize("mount", MOUNTS.values(), ids=MOUNTS)
+@pytest.mark.parametrize("gap_m", [0.8, 1.0])
+def test_crop_beside_a_gap_as_wide_as_was_told_leaves_the_edge_clear(
+    mount: Mount, gap_m: float
+) -> None:
+    picture, rng = field(mount).copy(), np.random.default_rng(0)
+    right = -0.45 - gap_m - 2.0 * rng.random(5000) ** 2
+    stems(picture, Camera(mount), np.column_stack([rng.uniform(0.8, 6.0, 5000), right]), 0.9, rng)
+    for told_m, sure in ((gap_m, True), (2.0, False)):
+        eye = detector("robust", mount)
+        eye.next_crop(told_m)
+        assert (eye.see(picture).confidence >= 0.5) is sure
+
+
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("mount", MOUNTS.values(), ids=MOUNTS)
 @pytest.mark.parametrize("level", [0, 90, 255])
