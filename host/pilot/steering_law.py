@@ -13,11 +13,6 @@ from host.estimate.lane import Lane
 from host.estimate.odometry import Motion
 
 PROPORTIONAL_GAIN_1PM = 1.6
-APPROACH_RAD = math.radians(25.0)
-"""Against a lane that lies far aside, the most at which the machine drives to it. The gains alone
-would turn by 45 degrees to an edge 1.3 m aside: it is out of the picture then, stalks stay at the
-strip's beginning, and no machine that drives along its own strip turns so far
-(`host.pilot.behaviours.follow.ASTRAY_RAD`). Nearer than 0.7 m they ask for less."""
 REVERSE_GAINS = (3.0, 3.5)
 """Curvature per metre of offset and per radian of heading."""
 ASIDE_M = 0.2
@@ -54,8 +49,9 @@ def state_gains(speed_mps: float, vehicle: Vehicle) -> tuple[float, float, float
 
 
 def reach_m(vehicle: Vehicle) -> float:
-    """How far beside a lane, at most, a machine that stands square to it or worse may be to be led
-    to it: where what the gains ask for the offset is as much as for the heading."""
+    """How far beside a lane, at most, a machine may be that the law leads to it. From farther away
+    what is asked for the offset outweighs the heading even square to the lane: it turns on, in
+    circles."""
     k_offset, k_heading, _ = state_gains(0.0, vehicle)
     return k_heading * math.pi / 2 / k_offset
 
@@ -66,9 +62,7 @@ def state(
     """State feedback on the offset at the rear axle, the heading and the curvature that is being
     driven, for the speed that is being driven."""
     k_offset, k_heading, k_curvature = state_gains(speed_mps, vehicle)
-    most_m = APPROACH_RAD * k_heading / k_offset
-    aside_m = max(-most_m, min(most_m, offset_m))
-    feedback = k_offset * aside_m + k_heading * heading_rad + k_curvature * curvature_1pm
+    feedback = k_offset * offset_m + k_heading * heading_rad + k_curvature * curvature_1pm
     return _limit(-feedback, vehicle)
 
 

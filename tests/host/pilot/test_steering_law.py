@@ -111,31 +111,6 @@ def test_the_laws_bring_the_vehicle_onto_the_lane(offset: float, heading: float)
     assert driven(VEHICLE, offset, heading, backwards=True) < 0.02
 
 
-@pytest.mark.parametrize("offset", [-3.0, -1.3, 0.9, 2.0])
-def test_from_far_aside_a_machine_drives_to_its_lane_at_25_degrees_and_no_steeper(
-    offset: float,
-) -> None:
-    """By the gains alone it had turned by 55 degrees to its edge, and was taken for one that
-    follows another field's (picture field 10607)."""
-    vehicle, heading, bend, dt, most = VEHICLE, 0.0, 0.0, 0.01, 0.0
-    v = vehicle.cutting_speed_mps
-    for _ in range(round(20.0 / v / dt)):
-        angle = steering_law.state(offset, heading, bend, v, vehicle)
-        bend += (math.tan(angle) / vehicle.wheelbase_m - bend) * dt / vehicle.steer_lag_s
-        offset += v * math.sin(heading) * dt
-        heading += v * bend * dt
-        most = max(most, abs(heading))
-    assert most < math.radians(27.0)
-    assert max(abs(offset), abs(heading)) < 0.01
-
-
-def test_nearer_than_0_7_m_the_gains_decide() -> None:
-    k_offset, k_heading, _ = steering_law.state_gains(0.5, VEHICLE)
-    asked = steering_law.state(0.4, 0.1, 0.0, 0.5, VEHICLE)
-    feedback = k_offset * 0.4 + k_heading * 0.1
-    assert math.tan(asked) == pytest.approx(-VEHICLE.wheelbase_m * feedback)
-
-
 def test_what_is_already_steered_is_not_asked_for_again() -> None:
     off = steering_law.state(0.1, 0.0, 0.0, 0.5, VEHICLE)
     turning = steering_law.state(0.1, 0.0, -0.1, 0.5, VEHICLE)
