@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from host.core.messages import Command, Fix, Frame, Request, Telemetry, Turned
 from host.core.vehicle import Vehicle
-from host.estimate.crop_ahead import EDGE_SURE, EndOfField
+from host.estimate.crop_ahead import CONFIDENT, EDGE_SURE, EndOfField
 from host.estimate.kalman import Innovation
 from host.estimate.lane import Lane
 from host.estimate.odometry import Motion
@@ -198,7 +198,10 @@ class Pilot:
         end_m = strip.along_m(self._context.motion) - guard.clear_m
         ends = guard.clear_m > 0.0 and strip.may_end_at(end_m)
         # Elsewhere than at its end no tip and no earlier round explains it.
-        guard.allow(strip.clear_end_m if ends else 0.0)
+        clear_m = strip.clear_end_m if ends else 0.0
+        view = self._context.sight.view
+        lies = view is not None and view.lies_confidence >= CONFIDENT
+        guard.allow(max(clear_m, strip.lying_m if lies else 0.0))
         if guard.passes:  # what follows takes long
             return command
         own, swath, beside = strip.surely_own, strip.beside_swath, strip.outermost
@@ -228,7 +231,8 @@ class Pilot:
         )
         strip, sight = context.strip, context.sight
         then = context.estimate.odometry.at(sight.stamp)
-        if self._behaviour.gaze.on_side and sight.view is not None and sight.ahead.begun(then):
+        shown = sight.to_guard
+        if self._behaviour.gaze.on_side and shown is not None and sight.ahead.begun(then):
             told = context.telemetry
             cuts = self._behaviour.gaze.cutting and told is not None and told.blade
             dusty = cuts and sight.ahead.in_dust(*EDGE_SURE)
@@ -236,7 +240,7 @@ class Pilot:
             own, swath = False, False
             if not cut.cuts_on:  # they take long
                 own, swath = strip.surely_own, strip.beside_swath
-            cut.take_picture(sight.stamp, sight.view, own=own, swath=swath, dusty=dusty)
+            cut.take_picture(sight.stamp, shown, own=own, swath=swath, dusty=dusty)
 
     def _explained(self, command: Command) -> Command:
         return command if command.reason else command.because(self.reason)

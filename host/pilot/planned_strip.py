@@ -10,6 +10,7 @@ from typing import NamedTuple
 from host.core.frames import Pose2
 from host.core.vehicle import Vehicle
 from host.estimate.crop_ahead import END_SURE, NEAR_CROP_M, Ahead, EndOfField
+from host.estimate.cut_guard import PATCH_M
 from host.estimate.estimator import Estimator
 from host.estimate.gaps import SQUARE_RAD
 from host.estimate.measurements import begin, end
@@ -35,6 +36,11 @@ WENT_ON_SIGMA_M = 0.3
 """Which an end that was none has moved the machine by: such ends were 0.2 to 0.4 m early."""
 BLADE_ON_M = 0.6
 """Before the crop of a side."""
+LYING_M, STOPS_M = 0.5, 0.8
+"""Of ground on which crop seems to lie, besides a patch, that the blade may cross: most patches of
+lodged crop end, or show crop that stands, within so much. And of the gap what is left for the
+machine to stop in before the neighbour's crop: half a metre and what was said too much of it.
+Ground in a gap passed for crop that lies for half a metre (belief "said 2 m longer, surely")."""
 TURN_KNOWN_M = 4.0
 """Distance along a side after which the lane's direction is trusted."""
 TURN_LEAST_RAD = 0.5
@@ -88,6 +94,13 @@ class PlannedStrip(PlanSide):
         # no strip has been cut across its end, so no swath lies there
         doubt_m = max(self._doubt_m, self._end_sigma_m)
         return self.along_m(self.estimate.motion) < self.side.length_m + SIGMAS * doubt_m
+
+    @property
+    def lying_m(self) -> float:
+        gap_m = self.plan.gap_m
+        if gap_m is None or not self.lies_its_crop:
+            return 0.0
+        return min(LYING_M, max(0.0, gap_m - PATCH_M - STOPS_M))
 
     @property
     def _reckoned(self) -> tuple[float, float, float]:

@@ -77,7 +77,9 @@ class Sight:
         self._in_crop = InCrop()
         self._leap = Leaps()
         self.view: CropView | None = None
-        """What the last picture shows."""
+        """What the last picture shows;"""
+        self.to_guard: CropView | None = None
+        """and what of it the guard of the blade is told."""
         self.stamp = -math.inf
         """Of its shutter."""
         self.seen = Steady()
@@ -162,11 +164,11 @@ class Sight:
         askew_rad = 0.0 if turning is None or in_leg else turning.against_lane(then)[1]
         view = self._detector.glance(frame.bgr) if glances else self._detector.see(frame.bgr)
         estimate.pictures.take(view, then)
-        # Elsewhere swath may lie across: it must lead no blade through a gap.
-        view = self._of_lane(
-            view.with_lying() if strip.lies_its_crop else view, strip, then, beside=beside
-        )
+        # Elsewhere swath may lie across. Through a gap neither must lead the blade.
+        shown, lying = view, view.with_lying() if strip.lies_its_crop else view
+        view = self._of_lane(lying, strip, then, beside=beside)
         self.view, self.stamp = view, frame.stamp
+        self.to_guard = view if lying is shown or strip.surely_crop else shown
         self.usable.note(frame.stamp, view.usable)
         sure = view.confidence >= CONFIDENT
         seen = sure or view.ahead_confidence >= CONFIDENT
@@ -232,8 +234,7 @@ class Sight:
                 return view
             if min(strip.along_m(then), strip.left_m() - BESIDE_AHEAD_M) <= 0.0:
                 return view
-            # Beside what the machine has cut it is the next strip's; and where its blade has
-            # turned, what is left stands beside the blade's end, whosever it is.
+            # Beside what was cut it is the next strip's, and beside the blade's way anybody's.
             cut, left_m = self._estimate.cut, self._vehicle.blade_width_m + MOWN_M
             mown = cut.over_mown_m > BESIDE_AHEAD_M and view.edge_beside_m < left_m
             if mown or cut.over_cut_m > BESIDE_AHEAD_M:

@@ -187,6 +187,12 @@ class Strip:
         return self.surely_crop
 
     @property
+    def lying_m(self) -> float:
+        """How much longer than a patch ground may be on which crop of its own seems to lie, and
+        none stands."""
+        return 0.0
+
+    @property
     def surely_own(self) -> bool:
         """Whether crop before the blade is the field's own by more than any belief errs: the strip
         goes on, or the field does beyond it."""

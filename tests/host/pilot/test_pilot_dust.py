@@ -432,6 +432,27 @@ def test_where_the_crop_of_the_last_side_is_gone_a_person_must_see() -> None:
     assert world.y + VEHICLE.blade_x_m < 7.5
 
 
+@pytest.mark.parametrize(("lies", "crossed_m"), [(0.0, 1.2), (0.9, 1.7)])
+def test_ground_on_which_crop_seems_to_lie_leads_the_blade_half_a_metre_farther_at_most(
+    lies: float, crossed_m: float
+) -> None:
+    """Near a side's end: for longer it led it through a gap of 2 m, into the neighbour's crop."""
+    world = SimpleWorld(VEHICLE)
+
+    def lying(view: CropView) -> CropView:
+        return replace(view, lies_confidence=lies) if view.crop_ahead_m > 0.5 else view
+
+    pilot = Pilot(VEHICLE, Eyes(world, lying), PLAN)
+    drive(world, pilot, 60.0, until=lambda: pilot.cut_m > 1.0)
+    bare(world, 7.2)
+    drive(world, pilot, 90.0, until=lambda: pilot.done)
+    assert pilot.phase is Phase.FAULT
+    assert "clear ground for" in pilot.reason
+    assert world.y + VEHICLE.blade_x_m < 7.2 + crossed_m
+    if lies:
+        assert world.y + VEHICLE.blade_x_m > 7.2 + 0.9
+
+
 def test_the_last_side_is_cut_to_its_end_though_it_seems_to_end_before() -> None:
     """Elsewhere an end may come 0.8 m before the plan's; here nothing follows."""
     world = SimpleWorld(VEHICLE)

@@ -165,3 +165,16 @@ def test_put_down_at_a_blunt_corner_it_stands_where_it_just_has_room() -> None:
 
     assert has_room(along_m + 0.02)
     assert not has_room(along_m - 0.02)
+
+
+@pytest.mark.parametrize(
+    ("gap_m", "index", "lying_m"),
+    [(2.0, 1, 0.5), (1.5, 1, 0.1), (1.2, 1, 0.0), (None, 1, 0.0), (2.0, 3, 0.0)],
+)
+def test_ground_on_which_crop_seems_to_lie_may_be_longer_by_half_a_metre_where_the_gap_is_wide(
+    gap_m: float | None, index: int, lying_m: float
+) -> None:
+    """Ground in the gap may look so: the blade must stop before the neighbour's crop."""
+    plan = replace(PLAN, gap_m=gap_m)
+    context = on_side(index, plan, cut_m=PLAN.sides[index].length_m - 0.5)
+    assert context.strip.lying_m == pytest.approx(lying_m)
