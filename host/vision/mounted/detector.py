@@ -17,6 +17,7 @@ from host.vision.mounted.before_lens import HIDES, before_lens
 from host.vision.mounted.evidence import Evidence
 from host.vision.mounted.face import (
     FAR_M,
+    FOOT_HIDDEN,
     HIDDEN_DENSE,
     LOWEST_M,
     Face,
@@ -78,11 +79,6 @@ moves, lens or not."""
 COVERED = 0.2
 """Share of either side from which on the right end may be the border of what covers it. Chosen with
 `BESIDE_M` on twelve drives of seed 31."""
-FOOT_HIDDEN = 0.75
-"""Of the distance of its foot, from the camera: crop that looks so high as to stand nearer than
-that has lodged stalks before its foot. Of pictures at a field's border one in 70 looks so, where
-the neighbour's crop is as high as the field's. A neighbour's crop that is 15 % higher looks an
-eighth nearer."""
 HIDDEN_NEAR_M = 1.0
 """Before the blade, at most, that it must stand by its tops alone, for clear ground to be doubted:
 0.8 m of that end a side, and 0.2 m more for what the tops err."""

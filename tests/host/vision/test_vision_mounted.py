@@ -391,11 +391,11 @@ def behind_lodged(ahead_m: float, right_m: float) -> NDArray[np.uint8]:
     picture = field(LOW, right_m=right_m, face_x_m=1.5 + ahead_m, next_crop_m=None).copy()
     to_row = int(camera.project([[1.5 + ahead_m + 2.4, 0.0, 0.0]])[0, 1])
     left = int(camera.project([[1.5 + ahead_m, right_m, 0.0]])[0, 0])
-    picture[to_row:, :left] = (60, 95, 120)
+    picture[to_row:, :left] = (30, 45, 60)
     for _ in range(3000):
-        u, v = rng.integers(0, max(1, left - 60)), rng.integers(to_row + 6, 479)
-        colour = tuple(float(min(255, c * rng.uniform(0.5, 1.1))) for c in (90, 165, 205))
-        cv2.line(picture, (int(u), int(v)), (int(u) + 50, int(v) - 5), colour, 1)
+        u, v = rng.integers(0, max(1, left - 40)), rng.integers(to_row + 26, 504)
+        colour = tuple(float(min(255, c * rng.uniform(0.35, 1.1))) for c in (90, 165, 205))
+        cv2.line(picture, (int(u), int(v)), (int(u) + 35, int(v) - 25), colour, 1)
     return picture
 
 
@@ -421,6 +421,20 @@ def test_crop_that_is_to_be_met_stands_where_its_foot_shows_it_whatever_was_told
     eye = make_detector("robust", Vehicle(crop_height_m=told_m), LOW)
     view = eye.see(field(LOW, face_x_m=1.5 + ahead_m, next_crop_m=7))
     assert view.crop_ahead_m == pytest.approx(ahead_m, abs=0.25)
+
+
+@pytest.mark.parametrize("height_m", [1.2, 1.5, 2.0])
+@pytest.mark.parametrize("gap_m", [2.0, 3.0])
+def test_taller_crop_beyond_a_bare_gap_stands_where_its_foot_is(
+    height_m: float, gap_m: float
+) -> None:
+    """The neighbour grows maize: taken for the field's own by its height, it stood at the blade."""
+    picture = field(LOW, right_m=-2.99, face_x_m=30, next_crop_m=None).copy()
+    rng = np.random.default_rng(0)
+    feet = np.column_stack([1.5 + gap_m + 0.3 * rng.random(3000), rng.uniform(-8, 8, 3000)])
+    stems(picture, Camera(LOW), feet, height_m, rng)
+    eye = make_detector("robust", Vehicle(crop_height_m=0.9), LOW)
+    assert eye.see(picture).crop_ahead_m == pytest.approx(gap_m, abs=0.25)
 
 
 @pytest.mark.parametrize(("tops_m", "clear"), [(0.8, False), (2.8, True)])
