@@ -99,7 +99,8 @@ ROUGH = 0.15
 """Share of steps on the blade's way from which on stalks may lie there: bare ground before a
 neighbour's crop that is taller has fewer. On six random fields with a low camera, from their starts
 on for 130 s, all of 54 pictures of crop whose foot was hidden had more (fields 10578 and 10581),
-and 5 of 803 of clear ground would have passed for such."""
+and 5 of 803 of clear ground would have passed for such. On five others, on which it was not chosen,
+5 of 5 and 1 of 543; without it, 59."""
 LOWER = 0.7
 """Of the height above the horizon at which the tops of crop that is being cut were seen: the next
 crop's, a gap further away, are lower than this."""
