@@ -37,6 +37,7 @@ from host.core.terminal import PlainConsole, echo
 @click.option("--seeds", type=SEEDS, default=str(SEED), show_default=True,
               help="Of each harvest's crop, weather and noise.")  # fmt: skip
 @click.option("--sizes", is_flag=True, help="Errors of several sizes instead, and their plot.")
+@click.option("--workers", type=WholeRange(1, 256), default=2, show_default=True)
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/beliefs"))
 def beliefs(
     cases: tuple[str, ...],
@@ -46,6 +47,7 @@ def beliefs(
     seed: int,
     seeds: list[int],
     sizes: bool,
+    workers: int,
     out: Path,
 ) -> None:
     """Harvests a small field with one thing other than the host was told, CASE by CASE; two CASEs
@@ -82,7 +84,7 @@ def beliefs(
         )
 
     with Watch("beliefs", len(chosen) * len(seeds)) as watch:
-        rows = run(chosen, out, eyes, firmware, show, known, seeds)
+        rows = run(chosen, out, eyes, firmware, show, known, seeds, workers)
     PlainConsole().print_table(table_of(rows))
     if sizes:
         draw_sizes(rows, out / "beliefs.png")

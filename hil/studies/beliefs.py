@@ -7,6 +7,7 @@ from __future__ import annotations
 import itertools
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,6 +18,7 @@ from hil.bench.harvest import harvest
 from hil.bench.wrong_pictures import WrongPictures
 from hil.judge.figures import MARKS
 from hil.scenario.scenario import Scenario, changed, load, merge
+from hil.studies.spread import spread
 from host.core.whole_file import save_text
 from host.field.boundary_file import UNKNOWN_SIGMA_M
 from sim_plant.drive_response import drive_response
@@ -323,6 +325,23 @@ def slug(case: str) -> str:
     return "".join(c if c.isalnum() or c == "." else "-" for c in case).strip("-")
 
 
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One harvest; plain data, so that it travels."""
+
+    name: str
+    case: str
+    scenario: Scenario
+    folder: Path
+
+
+def drive(task: Task) -> dict[str, Any]:
+    """The row of one harvest, which leaves its files in the task's folder."""
+    wrong = PICTURES.get(task.case)
+    summary = harvest(task.scenario, task.folder, eyes=wrong.eyes if wrong is not None else None)
+    return {"belief": task.name} | {name: summary[name] for name in FIGURES}
+
+
 def run(
     cases: Iterable[str],
     out: Path,
@@ -331,20 +350,21 @@ def run(
     done: Callable[[dict[str, Any]], None] | None = None,
     of: Mapping[str, dict[str, Any]] = CASES,
     seeds: Sequence[int] = (SEED,),
+    workers: int = 1,
 ) -> list[dict[str, Any]]:
     """Harvests each case into its folder, with each seed of crop, weather and noise; its rows,
     which beliefs.json keeps too."""
-    rows = []
+    tasks = []
     for case, seed in itertools.product(cases, seeds):
-        wrong = PICTURES.get(case)
-        eyes_of = wrong.eyes if wrong is not None else None
         name = case if len(seeds) == 1 else f"{case}, seed {seed}"
         scenario = changed(scenario_of(case, eyes, firmware, of), {"seed": seed})
-        summary = harvest(scenario, out / slug(name), eyes=eyes_of)
-        row = {"belief": name} | {name: summary[name] for name in FIGURES}
-        rows.append(row)
+        tasks.append(Task(name, case, scenario, out / slug(name)))
+    found: dict[str, dict[str, Any]] = {}
+    for task, row in spread(drive, tasks, workers=min(workers, len(tasks))):
+        found[task.name] = row
         if done is not None:
             done(row)
+    rows = [found[task.name] for task in tasks]
     out.mkdir(parents=True, exist_ok=True)
     save_text(out / "beliefs.json", json.dumps(rows, indent=1))
     return rows

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -130,6 +131,26 @@ def test_each_case_is_harvested_with_each_seed(
         ("hall 5 %, seed 3", 0.03),
         ("hall 5 %, seed 4", 0.04),
     ]
+
+
+def test_rows_come_in_the_order_of_their_cases_whichever_harvest_is_done_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def backwards(drive: Any, tasks: list[Any], *, workers: int) -> Iterator[tuple[Any, Any]]:
+        assert workers == 2
+        return ((task, drive(task)) for task in reversed(tasks))
+
+    said: dict[str, Any] = dict.fromkeys(FIGURES, 0.0)
+    monkeypatch.setattr("hil.studies.beliefs.harvest", lambda *_, **__: said)
+    monkeypatch.setattr("hil.studies.beliefs.spread", backwards)
+    done: list[str] = []
+    rows = run(
+        ["exact", "hall 5 %"], tmp_path, "model", "desk", lambda row: done.append(row["belief"]),
+        workers=9, seeds=[3],
+    )  # fmt: skip
+    assert done == ["hall 5 %", "exact"]
+    assert [row["belief"] for row in rows] == ["exact", "hall 5 %"]
+    assert json.loads((tmp_path / "beliefs.json").read_text()) == rows
 
 
 def test_model_eyes_leave_out_what_they_cannot_see(tmp_path: Path) -> None:
