@@ -106,6 +106,16 @@ LOWER = 0.7
 crop's, a gap further away, are lower than this."""
 UPRIGHT = 3.5
 """Where crop stands, squared steps across the picture are greater than those along it by this."""
+FLAT_TO_M = 0.6
+"""Before the blade: so far, a camera above the tops tells a swath from crop, which is upright and
+higher."""
+GRAIN_TO, FLAT_BELOW, UPRIGHT_LEAST = 0.45, 0.65, 2.2
+"""Of the crop's height: up to which the texture above a foot tells how it runs, and below which all
+of what lies flat is seen, if it stood at its foot; and squared steps across the picture over those
+along it that upright stems have at least. Chosen on the fields 10550, 10557 and 10594: of 1,500
+pictures in the crop 12 fewer show it at the blade, of 580 of clear ground 100 fewer do."""
+NEXT_NEARER_M = 0.1
+"""Than was said of the gap, the next crop's foot may seem; it is no part of what lies before."""
 LEAST_STEP2 = 8.0
 """Mean squared step, in 255ths of the logarithmic range, below which there is but noise."""
 FOOT_WINDOW_M = 0.12
@@ -210,6 +220,16 @@ class FaceFinder:
         self._no_crop_m = surely_m - SLACK_M - NOD_RAD * beyond**2 / z_c
         self._face = self._cut_face(surely_m)
         self._middle = self._face[0][1]
+        blade_x, crop_m = self._vehicle.blade_x_m, self._vehicle.crop_height_m
+        self._flat = (
+            blade_x + FLAT_TO_M if z_c > crop_m else -math.inf,
+            LOWEST_M,
+            GRAIN_TO * crop_m,
+            FLAT_BELOW * crop_m,
+            HIGHEST_SHARE * crop_m,
+            blade_x + self._gap_m - NEXT_NEARER_M,
+            UPRIGHT_LEAST,
+        )
 
     @staticmethod
     def _corridor(camera: Camera, vehicle: Vehicle) -> tuple[slice, slice]:
@@ -381,7 +401,9 @@ class FaceFinder:
             SPREAD,
             self._ground_x,
             self._across,
-            self._at[:2],
+            self._upward,
+            self._at,
+            self._flat,
         )
         return x, y
 

@@ -8,10 +8,13 @@ from numpy.typing import NDArray
 
 from host.core.compiled import compiled
 from host.vision.mounted.evidence import Floats, Sums
+from host.vision.mounted.grain import uprightness
 from host.vision.pictures import Mask
 
 BLOCK_PX = 16
 """Columns that share a foot."""
+TIMES = 2
+"""So often what lies flat is looked past: a swath, and stubble behind it."""
 
 
 @numba.njit(cache=True, nogil=True, boundscheck=False)
@@ -52,24 +55,28 @@ def feet_of(
     limit: NDArray[np.int32],
     windows: NDArray[np.int32],
     spread: Sums,
+    lowest: NDArray[np.int32],
     feet: NDArray[np.int32],
 ) -> None:
-    """Per block of columns the row of its foot, -1 without: below the lowest dense row, the
-    division of the rows above from those below with the greatest difference, at most down to
-    `limit` of the dense row."""
+    """Per block of columns the row of its foot, -1 without: below the lowest dense row, from the
+    row `lowest` up (-1: the foot is left as it is), the division of the rows above from those below
+    with the greatest difference, at most down to `limit` of the dense row."""
     height = dense.shape[0]
     for b in range(feet.shape[0]):
+        if lowest[b] < 0:
+            continue
         feet[b] = -1
         middle = b * BLOCK_PX + BLOCK_PX // 2
         rough = -1
-        for v in range(height - 1, horizon - 1, -1):
+        for v in range(lowest[b], horizon - 1, -1):
             if dense[v, middle]:
                 rough = v
                 break
         if rough < 0:
             continue
         best, at = -1.0, rough
-        for v in range(rough - windows[rough] // 2, min(height - 2, limit[rough]) + 1):
+        end = min(height - 2, limit[rough], lowest[b])
+        for v in range(rough - windows[rough] // 2, end + 1):
             n = windows[v]
             lo, hi = max(0, v - n), min(height, v + max(3, n // 2))
             above, below = float((v - lo) * BLOCK_PX), float((hi - v) * BLOCK_PX)
@@ -87,9 +94,54 @@ def feet_of(
         feet[b] = at
 
 
+@numba.njit(cache=True, nogil=True)
+def look_past(
+    grey: Mask,
+    dense: Mask,
+    feet: NDArray[np.int32],
+    ground_x: Floats,
+    upward: Floats,
+    camera: tuple[float, float, float],
+    flat: tuple[float, float, float, float, float, float, float],
+    lowest: NDArray[np.int32],
+) -> bool:
+    """Marks in `lowest` above which row a block's foot is to be looked for anew, because what has
+    its foot there lies flat: neither upright, nor as high as crop would be. -1 for the others.
+    `flat`: as `contour` has it. Whether there is any."""
+    far_x, low, high, below, tall, next_x, upright = flat
+    blocks = feet.shape[0]
+    top, bottom = np.zeros(blocks, np.int32), np.zeros(blocks, np.int32)
+    for b in range(blocks):
+        foot, u = feet[b], b * BLOCK_PX + BLOCK_PX // 2
+        lowest[b] = -1
+        if foot < 0 or ground_x[foot, u] > far_x:
+            continue
+        away, v, z, reaches = ground_x[foot, u] - camera[0], foot, 0.0, 0.0
+        clear_to = min(tall, camera[2] * (1.0 - away / (next_x - camera[0])))
+        while v > 0 and z < clear_to:
+            if dense[v, u]:
+                reaches = z
+            v -= 1
+            z = camera[2] + away * upward[v, u]
+            if z < low:
+                bottom[b] = v
+            if z < high:
+                top[b] = v
+        if below < clear_to <= z and reaches < below:
+            lowest[b] = v
+    runs = np.empty(blocks, np.float64)
+    uprightness(grey, top, bottom, BLOCK_PX, runs)
+    any_flat = False
+    for b in range(blocks):
+        if lowest[b] >= 0 and not 0.0 < runs[b] < upright:
+            lowest[b] = -1
+        any_flat = any_flat or lowest[b] >= 0
+    return any_flat
+
+
 @compiled(
-    "(u1[:, ::1], u1[:, ::1], u1[:, ::1], i8, i4[::1], i4[::1], f8[::1], "
-    "f4[:, ::1], f4[:, ::1], UniTuple(f8, 2))"
+    "(u1[:, ::1], u1[:, ::1], u1[:, ::1], i8, i4[::1], i4[::1], f8[::1], f4[:, ::1], f4[:, ::1], "
+    "f4[:, ::1], UniTuple(f8, 3), UniTuple(f8, 7))"
 )
 def contour(
     steps: Mask,
@@ -101,16 +153,27 @@ def contour(
     spread: Sums,
     ground_x: Floats,
     across: Floats,
-    camera: tuple[float, float],
+    upward: Floats,
+    camera: tuple[float, float, float],
+    flat: tuple[float, float, float, float, float, float, float],
 ) -> tuple[Floats, Floats]:
-    """(x, y) on the ground of the foot of each block of columns that has one. `ground_x`, `across`:
-    (height, width) x of the ground that a pixel shows, m, and its ray's lateral part over the one
-    that points forward; `camera`: its x and y, m."""
+    """(x, y) on the ground of the foot of each block of columns that has one. `ground_x`, `across`,
+    `upward`: (height, width) x of the ground that a pixel shows, m, and its ray's parts to the left
+    and upward over the one that points forward; `camera`: its place, m. `flat`: what lies flat is
+    looked past up to which x; between which two heights above a foot the texture tells how it runs,
+    m; below which height all of it is seen, and up to which nothing else is, m, as if it stood at
+    its foot, but for crop that begins at an x, m; and how many times its steps across the picture
+    are those along it at most."""
     blocks = steps.shape[1] // BLOCK_PX
     sums = np.empty((2, steps.shape[0] + 1, blocks), np.int32)
     block_sums(steps, grey, sums)
     feet = np.empty(blocks, np.int32)
-    feet_of(dense, sums, horizon, limit, windows, spread, feet)
+    lowest = np.full(blocks, steps.shape[0] - 1, np.int32)
+    feet_of(dense, sums, horizon, limit, windows, spread, lowest, feet)
+    for _ in range(TIMES):
+        if not look_past(grey, dense, feet, ground_x, upward, camera, flat, lowest):
+            break
+        feet_of(dense, sums, horizon, limit, windows, spread, lowest, feet)
     x, y = np.empty(blocks, np.float32), np.empty(blocks, np.float32)
     n = 0
     for b in range(blocks):

@@ -14,6 +14,12 @@ from host.vision.pictures import Mask
 REACH: Final = 2
 """Grey is averaged along an edge over so many pixels to either side before its step is taken: five
 together."""
+ROWS: Final = 8
+"""Below so many nothing is said of a block."""
+EVERY: Final = 3
+"""Row that is looked at: neighbours hardly tell more."""
+NOISE2: Final = 8.0
+"""Mean squared step, in 255ths of the logarithmic range, below which there is but noise."""
 
 
 @compiled("(u1[:, ::1], u1[:, ::1])", "(u1[:, :], u1[:, ::1])", boundscheck=False)
@@ -54,6 +60,39 @@ def squared_steps(grey: Mask, inside: Mask) -> tuple[float, float]:
         across += int(x2)
         along += int(y2)
     return across / max(1, count), along / max(1, count)
+
+
+@compiled("(u1[:, ::1], i4[::1], i4[::1], i8, f8[::1])", boundscheck=False)
+def uprightness(
+    grey: Mask,
+    top: NDArray[np.int32],
+    bottom: NDArray[np.int32],
+    wide: int,
+    out: NDArray[np.float64],
+) -> None:
+    """Per block of so many columns: squared steps of `grey` across the picture over those along it,
+    in the rows from `top` up to `bottom` (without it); 0 where those are fewer than ROWS, or show
+    no more than noise."""
+    height, width = grey.shape
+    for b in range(out.shape[0]):
+        out[b] = 0.0
+        left, right = max(1 + REACH, b * wide), min(width - 1 - REACH, (b + 1) * wide)
+        first, last = max(1 + REACH, top[b]), min(height - 1 - REACH, bottom[b])
+        if last - first < ROWS:
+            continue
+        across, along, count = 0, 0, 0
+        for v in range(first, last, EVERY):
+            for u in range(left, right):
+                x, y = 0, 0
+                for k in range(-REACH, REACH + 1):
+                    x += int(grey[v + k, u + 1]) - int(grey[v + k, u - 1])
+                    y += int(grey[v + 1, u + k]) - int(grey[v - 1, u + k])
+                across += x * x
+                along += y * y
+                count += 1
+        scale = (2 * REACH + 1) ** 2 * count
+        if across + along > NOISE2 * scale:
+            out[b] = across / max(1, along)
 
 
 @numba.njit(cache=True, nogil=True, boundscheck=False)
