@@ -77,8 +77,8 @@ def plan(
 ) -> None:
     """Length, time, turns and what stays standing, before anything moves.
 
-    FIELD is a boundary: .geojson, .kml, .shp, .xml (ISOXML) or .csv. Both kinds of turn are
-    compared; the picture shows the one of --turn."""
+    FIELD is a boundary: .geojson, .kml, .kmz, .shp, .xml (ISOXML), .zip, .gpx or .csv. Both kinds
+    of turn are compared; the picture shows the one of --turn."""
     machine = load_vehicle(vehicle)
     boundary = load_field(field, chosen)
     if start >= len(boundary.crop):
