@@ -23,6 +23,8 @@ from host.core.whole_file import saved
 from host.link.protocol import PARAMS
 
 FRONT = ("error_s_mean", "energy_j_mean")
+BINS = 8
+"""Of a heat map, along each axis."""
 
 
 def write(
@@ -85,7 +87,7 @@ def _png(figure: Any) -> bytes:
     return buffer.getvalue()
 
 
-def _heat_maps(ranked: pd.DataFrame, space: sweeps.Space, bins: int = 8) -> bytes:
+def _heat_maps(ranked: pd.DataFrame, space: sweeps.Space) -> bytes:
     names = list(space.parameters)
     size = max(1, len(names) - 1)
     figure, grid = plt.subplots(size, size, figsize=(2.6 * size, 2.3 * size), squeeze=False)
@@ -98,12 +100,12 @@ def _heat_maps(ranked: pd.DataFrame, space: sweeps.Space, bins: int = 8) -> byte
                 axes.axis("off")
                 continue
             x, y = names[column], names[row + 1]
-            cells = np.full((bins, bins), np.nan)
-            at = np.minimum(bins - 1, (np.stack([shares[y], shares[x]]) * bins).astype(int))
+            cells = np.full((BINS, BINS), np.nan)
+            at = np.minimum(BINS - 1, (np.stack([shares[y], shares[x]]) * BINS).astype(int))
             for i, j, cost in zip(*at, ranked["cost"], strict=True):
                 cells[i, j] = np.fmin(cells[i, j], cost)
             axes.imshow(cells, origin="lower", cmap="viridis", vmin=cheap, vmax=dear, aspect="auto")
-            ticks = (-0.5, bins - 0.5)
+            ticks = (-0.5, BINS - 0.5)
             axes.set_xticks(ticks, _ends(space.parameters[x]), fontsize=7)
             axes.set_yticks(ticks, _ends(space.parameters[y]), fontsize=7)
             if row == size - 1:

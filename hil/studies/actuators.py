@@ -138,10 +138,10 @@ def population(
     seed: int,
     *,
     ranges: Mapping[str, tuple[float, float]] = NOMINAL_RANGES,
-    base: Plant | None = None,
 ) -> list[Plant]:
-    """`count` plants drawn uniformly and independently from `ranges` around `base`."""
-    base = base or Plant()
+    """`count` plants whose properties are drawn uniformly and independently from `ranges`; the
+    others are as by default."""
+    base = Plant()
     random = np.random.default_rng(seed)
     plants = []
     for number in range(count):

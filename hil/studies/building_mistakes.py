@@ -440,12 +440,10 @@ def good_machine(seed: int, out: Path) -> Outcome:
     return _inspected(base, Mistake("none", ()), out)
 
 
-def inspect(
-    mistake: Mistake | None, out: Path, seed: int = 1, over: Values | None = None
-) -> Outcome:
+def inspect(mistake: Mistake | None, out: Path, over: Values | None = None) -> Outcome:
     """Builds a machine, with a mistake or without, and walks its check. Files and parameters are
     those of the machine as its owner believes it to be: without the mistake."""
-    base = scenario.load("default", scenario.merge(dict(FIELD), {"seed": seed, **(over or {})}))
+    base = scenario.load("default", scenario.merge(dict(FIELD), {"seed": 1, **(over or {})}))
     return _inspected(base, mistake or Mistake("none", ()), out)
 
 

@@ -40,6 +40,8 @@ from host.core.errors import UserError
 
 BELIEF_FOLDER = "belief"
 """In a run's folder: what commissioning has left."""
+SAMPLE_SEED = 1
+"""Of which runs, besides the worst, are driven again with pictures."""
 
 # ---- one run -------------------------------------------------------------------------------------
 
@@ -225,12 +227,13 @@ def badness(summary: dict[str, Any]) -> float:
     return 100.0 * float(harm > 0.0) + harm + 10.0 * float(stopped) + left
 
 
-def picked(jobs: Sequence[Job], summaries: Sequence[dict[str, Any]], worst: int, sample: int,
-           seed: int = 1) -> list[Job]:  # fmt: skip
+def picked(
+    jobs: Sequence[Job], summaries: Sequence[dict[str, Any]], worst: int, sample: int
+) -> list[Job]:
     """The jobs of the worst runs, then those of a random sample of the others."""
     order = sorted(range(len(jobs)), key=lambda k: -badness(summaries[k]))
     first, rest = order[:worst], order[worst:]
-    drawn = np.random.default_rng(seed).permutation(len(rest))[:sample]
+    drawn = np.random.default_rng(SAMPLE_SEED).permutation(len(rest))[:sample]
     return [jobs[k] for k in [*first, *(rest[n] for n in drawn)]]
 
 

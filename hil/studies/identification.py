@@ -75,7 +75,7 @@ def defaults() -> dict[str, float]:
 
 
 def identify_plant(
-    plant: Plant, firmware: Firmware = "desk", say: Callable[[str], None] = lambda _: None
+    plant: Plant, firmware: Firmware = "desk"
 ) -> tuple[actuator_model.Findings, actuator_model.ActuatorModel, float]:
     """Experiments and fit on one plant. Also returns the largest angle that the wheel had, deg."""
     spec = plant.machine()
@@ -84,7 +84,6 @@ def identify_plant(
         stand.advance(0.02)
         set_params(stand, wire.session, calibration(spec.steering))
         with experiments.armed(wire, "stand", defaults()) as experimenter:
-            experimenter.say = say
             findings = experimenter.identify()
         largest = float(np.degrees(np.abs(stand.log()["steer_angle"]).max()))
     return findings, actuator_model.fit(findings), largest

@@ -44,6 +44,8 @@ Gains = dict[str, float]
 BATCH: Final = 16
 """Candidates per round of Optuna: how many it proposes before it hears of their costs. Fixed, so
 that its proposals do not depend on the number of workers."""
+PER_JOB: Final = 2
+"""Candidates that a worker is given at once."""
 WORST_SHARE: Final = 0.1
 """A candidate's cost is the mean over all responses plus the mean over this share, the worst."""
 MOST_CANDIDATES: Final = 1_000_000
@@ -233,11 +235,11 @@ class Sweep:
         count = math.prod(axis.points for axis in axes) if self.method == "grid" else self.trials
         return count * self.plant_count * len(self.steps)
 
-    def _jobs(self, first: int, candidates: Sequence[Gains], per_job: int = 2) -> list[Job]:
+    def _jobs(self, first: int, candidates: Sequence[Gains]) -> list[Job]:
         plants, steps = self.plants, self.steps
         return [
-            Job(first + at, tuple(candidates[at : at + per_job]), plants, steps, self.firmware)
-            for at in range(0, len(candidates), per_job)
+            Job(first + at, tuple(candidates[at : at + PER_JOB]), plants, steps, self.firmware)
+            for at in range(0, len(candidates), PER_JOB)
         ]
 
     def run(

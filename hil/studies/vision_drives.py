@@ -231,7 +231,7 @@ def declared_end(ahead: Ahead, view: CropView, motion: Motion) -> Motion | None:
     if view.ahead_confidence < CONFIDENT:
         return None
     ahead.sight(view, motion)
-    ahead.follow(view, EndOfField(motion.stamp, motion, 0))
+    ahead.follow(view, EndOfField(motion.stamp, motion))
     end = ahead.end
     if end is None:
         return None

@@ -7,9 +7,9 @@ common shift left out, once by positions alone and once with the phone's speed a
 
 from __future__ import annotations
 
+import argparse
 import itertools
 import math
-import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
@@ -96,9 +96,12 @@ def table(seeds: Iterable[int]) -> Iterable[str]:
 
 
 def main() -> None:
-    """The seeds may be given: first and last."""
-    given = [int(text) for text in sys.argv[1:3]]
-    for line in table(range(given[0], given[1] + 1) if len(given) == 2 else SEEDS):
+    """The table of all seeds, or of some."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    ends = (SEEDS[0], SEEDS[-1])
+    parser.add_argument("--seeds", nargs=2, type=int, default=ends, metavar=("FIRST", "LAST"))
+    first, last = parser.parse_args().seeds
+    for line in table(range(first, last + 1)):
         print(line, flush=True)
 
 

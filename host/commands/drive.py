@@ -35,7 +35,8 @@ from host.vision.tuning.profiles import DATABASE
 @click.option(
     "--boundary",
     type=click.Path(path_type=Path),
-    help="The crop's corners: GeoJSON, KML, Shapefile, ISOXML or latitude,longitude lines.",
+    help="The crop's corners: GeoJSON, KML, Shapefile, ISOXML, GPX, a .zip of these, or "
+    "latitude,longitude lines.",
 )
 @click.option("--corner", type=WholeRange(0), help="Where it stands; default the nearest.")
 @gap_option

@@ -13,6 +13,7 @@ from rich.table import Table
 from host.commands.options import field_option, gap_option, inset_option, vehicle_option
 from host.core.errors import UserError
 from host.core.number_range import WholeRange
+from host.core.progress import Watch
 from host.core.terminal import PlainConsole
 from host.core.vehicle import Vehicle
 from host.core.vehicle_file import load_vehicle
@@ -77,8 +78,8 @@ def plan(
 ) -> None:
     """Length, time, turns and what stays standing, before anything moves.
 
-    FIELD is a boundary: .geojson, .kml, .shp, .xml (ISOXML) or .csv. Both kinds of turn are
-    compared; the picture shows the one of --turn."""
+    FIELD is a boundary: .geojson, .kml, .kmz, .shp, .xml (ISOXML), .zip, .gpx or .csv. Both kinds
+    of turn are compared; the picture shows the one of --turn."""
     machine = load_vehicle(vehicle)
     boundary = load_field(field, chosen)
     if start >= len(boundary.crop):
@@ -136,10 +137,13 @@ def _previews(
             tell,
             boundary.recorded,
         )
-        return {
-            name: preview(replace(sides, turn=name), areas, machine)
-            for name in ("three_point", "arc")
-        }
+    turns = ("three_point", "arc")
+    found: dict[str, Preview] = {}
+    with Watch(f"preview of {field}", len(turns)) as watch:
+        for name in turns:
+            found[name] = preview(replace(sides, turn=name), areas, machine)
+            watch.step(name)
+    return found
 
 
 def _say_field(

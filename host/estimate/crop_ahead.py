@@ -45,7 +45,6 @@ class EndOfField:
 
     stamp: float
     motion: Motion
-    turn_index: int
 
 
 class Ahead:

@@ -78,8 +78,8 @@ class Wander(NamedTuple):
 
 
 DRILLED = Wander(0.02, 0.5)
-"""Of a straight edge, the detector's error alone: RMSE in clean air (docs/understand/vision.md).
-What dust adds is judged before (host.pilot.sight)."""
+"""Of a straight edge, the detector's error alone: RMSE in clean air
+(docs/understand/vision/measured.md). What dust adds is judged before (host.pilot.sight)."""
 CUT = Wander(0.035, 0.7)
 """Of an edge that the machine has left, its way too: 0.03 m RMS beside the straight line (81 strips
 of 8 random fields, from the fourth metre on)."""

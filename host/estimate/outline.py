@@ -1,11 +1,11 @@
 """The field's outline as it is found to lie: the corners of the boundary that was entered are
 landmarks of the position, and each side of the plan lies where they now are.
 
-A walked boundary says how many corners a field has and roughly where (docs/understand/navigation).
-What a machine that cuts along an edge learns of its place beside it, it learns of the edge as well:
-which of the two it is, their uncertainties decide. Each corner moves freely, an edge with the two
-that it lies between, and a side with its edge and with those that have left the borders at its
-ends.
+A walked boundary says how many corners a field has and roughly where
+(docs/understand/navigation/place.md). What a machine that cuts along an edge learns of its place
+beside it, it learns of the edge as well: which of the two it is, their uncertainties decide. Each
+corner moves freely, an edge with the two that it lies between, and a side with its edge and with
+those that have left the borders at its ends.
 """
 
 from __future__ import annotations

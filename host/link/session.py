@@ -188,7 +188,6 @@ class Link(contextlib.AbstractContextManager["Link"]):
         self.port = port
         self.session = Session()
         self.bytes_in = 0
-        self.bytes_out = 0
         self.tap: Callable[[Direction, float, bytes], None] | None = None
         self.clock = clock
         self._serial = open_port(port)
@@ -280,7 +279,6 @@ class Link(contextlib.AbstractContextManager["Link"]):
             ) from error
         except (OSError, TypeError) as error:
             raise self._vanished() from error
-        self.bytes_out += len(data)
         if self.tap:
             self.tap("to_firmware", self.clock(), data)
 

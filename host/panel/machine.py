@@ -113,7 +113,6 @@ class Machine:
         self._stop: Json | None = None
         """The STOP that waits for the board's word."""
         self._stop_begun = -1e9
-        self._last_fix = 0.0
 
     # ---- devices ---------------------------------------------------------------------------------
 

@@ -122,7 +122,7 @@ def leave_side(context: Context, now: float, ended: Ended) -> Go:
 def leave_strip(context: Context, now: float) -> Go:
     """Ends the present side beside a keep-out. What is left of it stays standing."""
     context.left_standing_m2 += context.strip.left_m2
-    end = EndOfField(now, context.motion, context.strip.index)
+    end = EndOfField(now, context.motion)
     return end_side(context, now, end, refused=True)
 
 
@@ -133,7 +133,7 @@ def end_by_plan(context: Context, now: float) -> Go | None:
         return None
     context.by_plan = True
     context.left_standing_m2 += context.strip.left_m2
-    return end_side(context, now, EndOfField(now, context.motion, context.strip.index))
+    return end_side(context, now, EndOfField(now, context.motion))
 
 
 def little_left(context: Context) -> bool:

@@ -216,7 +216,7 @@ class Sight:
             ends = gaze.ends and (not gaze.settles or settled(frame.stamp))
             if turning is not None and self._backs_away(turning, then):
                 self.ahead.back_away(view, then)
-            self._watch_ahead(view, strip, gaze, EndOfField(frame.stamp, then, strip.index), ends)
+            self._watch_ahead(view, strip, gaze, EndOfField(frame.stamp, then), ends)
 
     def _of_lane(self, view: CropView, strip: Strip, then: Motion, *, beside: bool) -> CropView:
         """Where nothing stands right ahead of the blade, or the machine backs `beside` the lane,

@@ -58,7 +58,6 @@ class Delay:
 
     delay_s: float
     sigma_s: float
-    correlation: float
 
 
 def far_part(picture: Picture) -> Grey:
@@ -122,7 +121,7 @@ def delay_of(
         )
     turns = (at[-1] - at[0]) / OVER_S
     sigma = math.sqrt((1.0 - alike[best] ** 2) / turns / max(1e-9, -2 * bend))
-    return Delay(float(max(0.0, delay)), math.hypot(sigma, STAMPS_S), float(alike[best]))
+    return Delay(float(max(0.0, delay)), math.hypot(sigma, STAMPS_S))
 
 
 def _over(times: Floats, at: Floats, values: Floats) -> Floats:

@@ -43,7 +43,6 @@ class CropView:
     as much as the heading is known."""
     edge_heading_rad: float = NAN
     """Direction of the edge line against the vehicle's x axis, positive where it runs left."""
-    edge_curvature_1pm: float = NAN
     crop_ahead_m: float = NAN
     """From the blade's line to the nearest standing crop ahead within the blade's width; 0 while
     cutting, inf where none stands in view, NaN where unknown."""

@@ -115,7 +115,7 @@ def on_side(
 def clear_ahead(context: Context) -> EndOfField:
     """The latest pictures surely show no crop before the blade."""
     ahead = context.sight.ahead
-    ahead.clear_since = EndOfField(NOW, context.motion, context.strip.index)
+    ahead.clear_since = EndOfField(NOW, context.motion)
     ahead.clear_count = END_PICTURES
     return ahead.clear_since
 

@@ -19,7 +19,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import yaml
 from playwright.sync_api import BrowserContext
 from playwright.sync_api import Error as PlaywrightError
 
@@ -35,6 +34,7 @@ from tools.panel.stack import (
     a_browser,
     a_phone,
     read_the_compass,
+    small_field,
     table,
 )
 
@@ -50,16 +50,8 @@ BLADE_M = (1.5, 0.5)
 
 def scenario_of(out: Path, size: tuple[float, float], seed: int, cep_m: float, width: int) -> Path:
     """A small field with room around it; `width`: of the picture in pixels."""
-    path = out / "day.yaml"
-    text = {
-        "seed": seed,
-        "field": {"size_m": list(size), "gap_m": 4.0},
-        "start": {"before_m": 1.0},
-        "lens": {"width_px": width, "height_px": width * 3 // 4},
-        "gnss": {"cep_m": cep_m, "jumps_per_hour": 0.0, "outages_per_hour": 0.0},
-    }
-    path.write_text(yaml.safe_dump(text), encoding="utf-8")
-    return path
+    lens = {"width_px": width, "height_px": width * 3 // 4}
+    return small_field(out / "day.yaml", size, cep_m, seed=seed, lens=lens)
 
 
 class Day:

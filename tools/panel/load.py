@@ -23,12 +23,21 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import urlsplit
 
-import yaml
 from websockets.exceptions import WebSocketException
 from websockets.sync.client import connect
 
 from host.core.number_range import NumberRange, argument
-from tools.panel.stack import ROOT, Json, Panel, Person, Rig, Screen, a_browser, a_phone
+from tools.panel.stack import (
+    ROOT,
+    Json,
+    Panel,
+    Person,
+    Rig,
+    Screen,
+    a_browser,
+    a_phone,
+    small_field,
+)
 
 SOCKETS: Final = 50
 PAGES: Final = 5
@@ -164,15 +173,7 @@ def attacked(attack: Attack, url: str) -> Iterator[Counter[str]]:
 def measure(seconds: float, out: Path) -> Json:
     """All of it."""
     out.mkdir(parents=True, exist_ok=True)
-    scenario = out / "load.yaml"
-    text = {
-        "field": {"size_m": [8.0, 7.0], "gap_m": 4.0},
-        "start": {"before_m": 1.0},
-        "belief": "exact",
-        "gnss": {"cep_m": 0.5, "jumps_per_hour": 0.0, "outages_per_hour": 0.0},
-    }
-    scenario.write_text(yaml.safe_dump(text), encoding="utf-8")
-    rig = Rig(str(scenario), out)
+    rig = Rig(str(small_field(out / "load.yaml", (8.0, 7.0), belief="exact")), out)
     folder = out / f"panel-{time.strftime('%H%M%S')}"
     folder.mkdir()
     given = ("--boundary", rig.about["boundary"], "--gap", rig.about["gap"], "--lan")

@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
+import yaml
 from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
 
 from hil.bench.bystander import sees
@@ -36,6 +37,22 @@ ARGS: Final = (
     "--disable-sync",
 )
 START_S: Final = 90.0
+
+
+def small_field(
+    path: Path, size_m: tuple[float, float], cep_m: float = 0.5, **more: object
+) -> Path:
+    """Writes a scenario to `path`, and returns that: a field with room around it, the machine a
+    metre before its corner, and a phone of that CEP that neither jumps nor falls silent. `more`:
+    other fields of the scenario."""
+    text = {
+        "field": {"size_m": list(size_m), "gap_m": 4.0},
+        "start": {"before_m": 1.0},
+        "gnss": {"cep_m": cep_m, "jumps_per_hour": 0.0, "outages_per_hour": 0.0},
+        **more,
+    }
+    path.write_text(yaml.safe_dump(text), encoding="utf-8")
+    return path
 
 
 class Panel:

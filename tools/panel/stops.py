@@ -24,10 +24,9 @@ import time
 from collections import Counter, defaultdict
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import yaml
 from playwright.sync_api import Error as PlaywrightError
 
 from host.core.frames import LocalFrame
@@ -43,6 +42,7 @@ from tools.panel.stack import (
     a_browser,
     a_phone,
     read_the_compass,
+    small_field,
 )
 
 Pose = tuple[float, float, float]
@@ -359,15 +359,7 @@ class Finger:
 def session(tally: Tally, out: Path, end: float) -> None:
     """One machine on one field: what is tapped before the check, the check, and then taps until
     there are enough, the field is cut, or the time is over."""
-    scenario = out / "stops.yaml"
-    text: dict[str, Any] = {
-        "field": {"size_m": [9.0, 7.0], "gap_m": 4.0},
-        "start": {"before_m": 1.0},
-        "belief": "exact",
-        "gnss": {"cep_m": 0.5, "jumps_per_hour": 0.0, "outages_per_hour": 0.0},
-    }
-    scenario.write_text(yaml.safe_dump(text), encoding="utf-8")
-    rig = Rig(str(scenario), out)
+    rig = Rig(str(small_field(out / "stops.yaml", (9.0, 7.0), belief="exact")), out)
     folder = out / f"panel-{time.strftime('%H%M%S')}"
     folder.mkdir()
     boundary = rig.about["boundary"]

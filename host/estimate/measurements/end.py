@@ -13,7 +13,8 @@ SIGMA_M = 0.15
 much, and dust hides its last tip."""
 EARLY_M = 0.1
 """The last crop before the blade is too shallow a strip to look like crop: vision loses it 0.14 m
-before its end from the mast, at 0.05 m from the low camera (docs/understand/vision.md)."""
+before its end from the mast, at 0.05 m from the low camera; docs/understand/vision/measured.md has
+figures of more edges."""
 
 
 def end(place: Place, ago_m: float, doubt_m: float, across: Across = BOUNDARY) -> Measurement:

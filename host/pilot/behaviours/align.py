@@ -228,4 +228,4 @@ class Align(Behaviour):
         strip.was_cut()
         context.strip = strip
         context.begin_strip()
-        return end_side(context, now, EndOfField(now, context.motion, strip.index))
+        return end_side(context, now, EndOfField(now, context.motion))

@@ -192,7 +192,7 @@ class Follow(Behaviour):
             return None
         end_m = context.strip.along_m(context.motion) - guard.clear_m
         if context.strip.may_end_at(end_m):
-            here = EndOfField(now, context.motion, context.strip.index)
+            here = EndOfField(now, context.motion)
             context.strip.ends_at(end_m)
             return end_side(context, now, here, looked=True)
         if context.may_regain():
@@ -259,7 +259,7 @@ class Follow(Behaviour):
     def _nothing_to_cut(self, now: float) -> Go | None:
         """The end that no picture shows, the plan's crop that does not stand, and the boundary."""
         context, strip, ahead = self.context, self.context.strip, self.context.sight.ahead
-        here = EndOfField(now, context.motion, strip.index)
+        here = EndOfField(now, context.motion)
         if strip.to_blind_end_m() <= 0:
             return end_side(context, now, here)
         searched = not ahead.entered and context.cut_m > strip.search_m

@@ -65,7 +65,7 @@ class LookAtEdge(Behaviour):
         sees = view is not None and context.sight.sees_ahead()
         clear = sees and view is not None and view.crop_ahead_m >= CLEAR_M
         if clear and context.sight.ahead.entered and strip.end_due(context.motion):
-            here = EndOfField(now, context.motion, strip.index)
+            here = EndOfField(now, context.motion)
             return end_side(context, now, here, looked=True)
         if strip.placed and strip.left_m() <= 0.0 and strip.gap_beyond() is not None:
             # Crop without an edge, past where the plan has the boundary, may be the neighbour's.

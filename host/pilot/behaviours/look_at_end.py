@@ -46,7 +46,7 @@ class LookAtEnd(Behaviour):
         over = context.look.over(now)
         if ahead.clear_since is None and context.strip.blind():
             # Nothing is believed of a new side's end but what shows without dust.
-            here = EndOfField(now, context.motion, context.strip.index)
+            here = EndOfField(now, context.motion)
             return end_side(context, now, here, looked=True) if over else None
         if ahead.clear_since is None:
             context.bare = 0
@@ -71,7 +71,7 @@ class LookAtEnd(Behaviour):
             if context.strip.last or little_left(context):
                 context.remains.nothing_stands()
                 return Why.NO_CROP_LEFT.go()
-            here = here or EndOfField(now, context.motion, context.strip.index)
+            here = here or EndOfField(now, context.motion)
             end_m = context.strip.along_m(here.motion)
             if context.strip.may_end_at(end_m):
                 context.strip.ends_at(end_m)

@@ -112,7 +112,7 @@ class LyingCrop:
         ground = (self._y < right - ASIDE_M) & (self._y > -REACH_M)
         if np.count_nonzero(ground) < LEAST_CELLS or not self._way.any():
             return NAN
-        features = unlit(combine(measure(bgr[self._box], CELL, SIGMAS), with_light=True))
+        features = unlit(combine(measure(bgr[self._box], CELL, SIGMAS)))
         return _roughness(features[self._way]) - _roughness(features[ground])
 
 

@@ -154,7 +154,7 @@ def lab_and_texture(photo: Photo) -> CropView:
     """The baseline of the labelled set: one straight line by Fisher's criterion over L, a, b, the
     two brightness steps and the spread."""
     cells = measure(reduced(photo.bgr, BASELINE_PX), BASELINE_CELL, SIGMAS)
-    wide = combine(pooled(cells, BASELINE_SIGMA), with_light=True)[..., [9, 0, 1, 2, 3, 6]]
+    wide = combine(pooled(cells, BASELINE_SIGMA))[..., [9, 0, 1, 2, 3, 6]]
     line = best_line(
         whiten(np.ascontiguousarray(wide)), photo.item.side, Search(strip_gain=float("inf"))
     )
@@ -228,7 +228,7 @@ def stage_times(photos: list[Photo]) -> dict[str, float]:
         cells(p)
 
     def divided(p: Photo) -> None:
-        best_line(searched(combine(pooled(cells(p), SEARCH_SIGMA), with_light=True)), side(p))
+        best_line(searched(combine(pooled(cells(p), SEARCH_SIGMA))), side(p))
 
     def doubted(p: Photo) -> None:
         found = trace(p.bgr, side(p), Search())

@@ -159,7 +159,7 @@ def _straightened(bgr: Picture, line: Line, half: int) -> _Strip | None:
     a, b = foot_u + s * cos - middle * sin - 0.5, foot_v + s * sin + middle * cos - 0.5
     seen = (a >= 0) & (a <= w - 1) & (b >= 0) & (b <= h - 1)
     along = t.reshape(blocks, BLOCK_PX).mean(1)
-    return _Strip(combine(np.asarray(means, np.float32), with_light=True), seen, along, half)
+    return _Strip(combine(np.asarray(means, np.float32)), seen, along, half)
 
 
 def _foot(line: Line, w: int, h: int) -> tuple[float, float]:

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from host.vision.mounted.paper import PaperParams, PaperPhoto
+from host.vision.mounted.paper import PaperPhoto
 from host.vision.photo import confidence
 from host.vision.photo.curve import Curve, follow
 from host.vision.photo.fisher import Features
@@ -72,7 +72,7 @@ def trace(bgr: Picture, side: Side, search: Search) -> Trace:
     """The line that divides a picture best, and the curve beside it."""
     sharp = reduced(bgr, EDGE_PX)
     cells = measure(reduced(sharp, SEARCH_PX), (CELL_PX, CELL_PX), SIGMAS)
-    features = combine(pooled(cells, SEARCH_SIGMA), with_light=True)
+    features = combine(pooled(cells, SEARCH_SIGMA))
     line = best_line(searched(features), side, search, sets=2)
     height, width = sharp.shape[:2]
     curve = follow(sharp, line.scaled(width / features.shape[1]))
@@ -152,6 +152,6 @@ def _pictures(bgr: Picture, line: Line, standing: NDArray[np.bool_]) -> dict[str
     return {"line": divided, "side": side}
 
 
-def photo_detector(mode: str, side: Side, params: PaperParams | None = None) -> PhotoDetector:
+def photo_detector(mode: str, side: Side) -> PhotoDetector:
     """The detector of `mode` (paper, robust) for photographs whose crop stands on `side`."""
-    return PaperPhoto(side, params) if mode == "paper" else RobustPhoto(side)
+    return PaperPhoto(side) if mode == "paper" else RobustPhoto(side)

@@ -30,6 +30,8 @@ TOWARDS_CROP: dict[Side, float] = {"right": 0.0, "bottom": 90.0, "left": 180.0, 
 
 HALF_FAN_DEG = 65.0
 """Lines that lean further from the vertical are no side of a swath."""
+FAN_STEP_DEG = 5.0
+"""From one line of the fan to the next."""
 LEAST_VARIANCE = 0.02
 """Directions in which the features vary less than this share are left small."""
 NEAR_SHARE = 0.12
@@ -122,9 +124,9 @@ def whiten(features: Features) -> Features:
 
 
 @functools.lru_cache(maxsize=64)
-def _fan(side: Side, step_deg: float) -> NDArray[np.float32]:
+def _fan(side: Side) -> NDArray[np.float32]:
     """Angles in radians around the side's own direction."""
-    a = np.arange(-HALF_FAN_DEG, HALF_FAN_DEG + step_deg / 2, step_deg)
+    a = np.arange(-HALF_FAN_DEG, HALF_FAN_DEG + FAN_STEP_DEG / 2, FAN_STEP_DEG)
     return np.radians(TOWARDS_CROP[side] + a).astype(np.float32)
 
 
@@ -217,7 +219,7 @@ def divided(features: Features, side: Side) -> tuple[NDArray[np.float32], NDArra
     """Angles (n,) of the coarse fan, and (n, bins) the variance that a division at each bin's lower
     border explains (`beyond`), of whitened (h, w, m) features."""
     h, w, _ = features.shape
-    angles = _fan(side, 5.0)
+    angles = _fan(side)
     shape = (len(angles), math.ceil(math.hypot(h, w)) + 2)
     two, three, strip = np.zeros(shape), np.zeros(shape), np.zeros(shape, np.int32)
     _explained(features, angles, 0, Search().least_share, two, three, strip)
@@ -262,7 +264,7 @@ def _best_line(features: Features, side: Side, search: Search) -> Line:
     # the direction shows at half the sharpness too
     half = cv2.resize(features, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
     half = np.asarray(half, np.float32).reshape(*half.shape[:2], -1)
-    two, three = _divisions(half, _fan(side, 5.0), search)
+    two, three = _divisions(half, _fan(side), search)
     coarse = two.line.angle_rad
     two, beside = _divisions(features, _around(two.line), search)
     if math.isinf(search.strip_gain):

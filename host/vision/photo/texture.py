@@ -141,13 +141,13 @@ def pooled(means: Means, sigma: float) -> Means:
     return np.asarray(cv2.GaussianBlur(means, (0, 0), sigma), np.float32)
 
 
-def combine(means: Means, with_light: bool) -> NDArray[np.float32]:
-    """(h, w, n) features of means. Brightness itself is left out of the search for a line: shadows
-    and dust divide a picture as neatly as crop does."""
+def combine(means: Means) -> NDArray[np.float32]:
+    """(h, w, 10) features of means, brightness itself the last: the search for a line leaves that
+    out, for shadows and dust divide a picture as neatly as crop does."""
     height, width, n = means.shape
     planes = np.asarray(cv2.transpose(means.reshape(-1, n)), np.float32).reshape(n, height, width)
     light, yellow = planes[0], planes[2]
-    out = np.empty((10 if with_light else 9, *light.shape), np.float32)
+    out = np.empty((10, *light.shape), np.float32)
     out[:2] = planes[1:3]
     out[2:6] = planes[3:7] + np.float32(0.5)
     out[6] = np.maximum(planes[7] - light * light, 0.0) + np.float32(1.0)
@@ -156,8 +156,7 @@ def combine(means: Means, with_light: bool) -> NDArray[np.float32]:
     np.log(out[2:9], out=out[2:9])
     out[6:8] *= np.float32(0.5)
     out[8] = np.copysign(np.exp(out[8] * np.float32(1 / 3)), planes[9])
-    if with_light:
-        out[9] = light
+    out[9] = light
     together = cv2.transpose(out.reshape(len(out), -1))
     return np.asarray(together, np.float32).reshape(height, width, -1)
 

@@ -63,7 +63,7 @@ class Ride:
     def end(self, ago_m: float = 0.0) -> None:
         """The pilot declares the side's end, by a picture that it took `ago_m` before."""
         stamp = self.t - ago_m / STEP_M * 0.05
-        self.pilot.ends.append(EndOfField(stamp, Motion(stamp, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0), 0))
+        self.pilot.ends.append(EndOfField(stamp, Motion(stamp, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0)))
         self.truth.step(self.t, (self.x, self.y, 0.0), 0, cast(Pilot, self.pilot))
 
     def figures(self) -> dict[str, float | int | None]:

@@ -45,7 +45,7 @@ def test_a_low_camera_that_is_turned_is_named_as_one_on_a_mast_is(
     name: str, tmp_path: Path
 ) -> None:
     mistake = next(m for m in MISTAKES if m.name == name)
-    assert "mount.tilted" in inspect(mistake, tmp_path, 1, {"camera": "low"}).findings
+    assert "mount.tilted" in inspect(mistake, tmp_path, {"camera": "low"}).findings
 
 
 @pytest.mark.long
@@ -89,5 +89,5 @@ def test_what_a_lens_by_its_data_sheet_feigns_is_not_called_a_tilted_camera(
     mounts = {"mast": {**told, "pitch_deg": pitch_deg}}
     belief = {"errors": "exact", "vehicle": {"mounts": mounts}}
     over = {"camera": "mast", "lens": {"pitch_deg": 33.0}, "belief": belief}
-    line = next(x for x in inspect(None, tmp_path, 1, over).lines if x.name == "mount")
+    line = next(x for x in inspect(None, tmp_path, over).lines if x.name == "mount")
     assert (line.verdict, line.finding) == (verdict, finding)

@@ -27,7 +27,7 @@ CALIBRATE = ("calibrate", "delay", "--camera", "http://127.0.0.1:1/video", "--co
 NOISE = np.random.default_rng(1).integers(0, 255, (MAST.height_px, MAST.width_px, 3))
 JPEG = cv2.imencode(".jpg", NOISE.astype(np.uint8))[1].tobytes()
 READY = "host.commands.calibrate_delay.make_ready_visibly"
-FOUND = Delay(0.2344, 0.021, 0.999)
+FOUND = Delay(0.2344, 0.021)
 
 
 @pytest.fixture(autouse=True)

@@ -33,7 +33,7 @@ def shown(ahead: Ahead, distance_m: float, crop_ahead_m: float) -> bool:
     view = crop(crop_ahead_m)
     ahead.note(view, at(distance_m))
     ahead.sight(view, at(distance_m))
-    return ahead.follow(view, EndOfField(distance_m, at(distance_m), 3))
+    return ahead.follow(view, EndOfField(distance_m, at(distance_m)))
 
 
 def test_the_side_begins_at_the_first_picture_with_crop_at_the_blade_and_once() -> None:
@@ -122,7 +122,7 @@ def test_a_side_ends_where_the_latest_pictures_in_a_row_show_no_crop(seen: list[
     while clear < len(seen) and seen[-1 - clear] >= END_CLEAR_M:
         clear += 1
     assert ahead.clear_count == clear
-    first = EndOfField(len(seen) - clear + 1, at(len(seen) - clear + 1.0), 3) if clear else None
+    first = EndOfField(len(seen) - clear + 1, at(len(seen) - clear + 1.0)) if clear else None
     assert ahead.clear_since == first
     assert ahead.end == (first if clear >= END_PICTURES else None)
     assert ahead.seems_clear_since == (first.motion if first else None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import resource
@@ -111,27 +112,29 @@ def test_csv_keeps_the_crops_edge(field: Boundary) -> None:
         assert_same(bare, load_field(path))
 
 
-@pytest.fixture
+@contextlib.contextmanager
 def full_disk() -> Iterator[None]:
-    """Of this process, no file takes another byte: GDAL's writes fail as on a full disk."""
+    """Of this process, no file takes another byte: GDAL's writes fail as on a full disk, and so
+    would pytest's own, where its output goes to a file."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, before[1]))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    signal.signal(signal.SIGXFSZ, handler)
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, handler)
 
 
 @pytest.mark.parametrize("suffix", [*SUFFIXES, ".csv"])
 def test_what_did_not_arrive_whole_is_said_and_what_was_there_stays(
-    tmp_path: Path, suffix: str, request: pytest.FixtureRequest
+    tmp_path: Path, suffix: str
 ) -> None:
     path = tmp_path / f"field{suffix}"
     square = boundary_of(shapely.box(0, 0, 20, 20), FRAME, "before")
     save_field(path, square)
     there = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
-    request.getfixturevalue("full_disk")
-    with pytest.raises(UserError, match=f"cannot write {path}: "):
+    with full_disk(), pytest.raises(UserError, match=f"cannot write {path}: "):
         save_field(path, boundary_of(shapely.box(0, 0, 30, 30), FRAME, "after"))
     assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == there
 

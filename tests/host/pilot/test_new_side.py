@@ -198,7 +198,7 @@ def test_an_end_that_was_looked_at_is_no_longer_the_plans_alone() -> None:
     """Twice in a row an end by the plan is a fault; a look between them is none."""
     context = along(9.5)
     context.by_plan = True
-    end_side(context, NOW, EndOfField(NOW, context.motion, 0), looked=True)
+    end_side(context, NOW, EndOfField(NOW, context.motion), looked=True)
     assert not context.by_plan
 
 
@@ -259,7 +259,7 @@ def test_a_border_that_a_side_before_has_met_does_not_move(index: int, moves: bo
     context = doubted(length_m - 3.0)
     strip, position = strip_of(context), context.estimate.position
     strip.ends_at(length_m - 3.0)
-    strip.met_end(EndOfField(NOW, context.motion, index), None, looked=True)
+    strip.met_end(EndOfField(NOW, context.motion), None, looked=True)
     assert (position.likely > 0.0) is not moves, "an end elsewhere tells of the machine"
     assert (abs(strip.side.length_m - length_m) > 1.0) is moves
 
@@ -371,7 +371,7 @@ def test_only_a_look_without_dust_makes_an_end_unsure() -> None:
     for sure in (True, False):
         context = along(9.5)
         context.sight.ahead.sure.extend([sure] * END_SURE[1])
-        end = EndOfField(NOW, context.motion, 0)
+        end = EndOfField(NOW, context.motion)
         moved(context, 9.9, stamp=NOW + 1.0)
         context.strip.met_end(end, None, looked=True)
         spreads.append(context.estimate.position.end_sigma_m(NEW.sides[0]))
@@ -433,7 +433,7 @@ def test_an_end_that_a_look_found_elsewhere_makes_the_place_doubted(
     before_m, length_m = position.end_sigma_m(piece), strip.side.length_m
     beside_m, at_m = position.beside_sigma_m(piece), position.along(piece)
     strip.ends_at(length_m - off_m)
-    strip.met_end(EndOfField(NOW, context.motion, 0), None, looked=True)
+    strip.met_end(EndOfField(NOW, context.motion), None, looked=True)
     assert position.beside_sigma_m(piece) == pytest.approx(beside_m, rel=0.01), "along it only"
     assert abs(position.along(piece) - at_m) < 0.15
     if not doubted:
@@ -458,7 +458,7 @@ def test_clear_ground_far_from_any_end_that_the_walk_may_mean_stops_the_machine(
 
 def test_a_turn_sees_how_far_the_next_crop_is_and_what_was_driven_since() -> None:
     context = along(10.0)
-    go = leave_side(context, NOW, Ended(EndOfField(NOW, context.motion, 0), seen=True))
+    go = leave_side(context, NOW, Ended(EndOfField(NOW, context.motion), seen=True))
     assert go.reason in (SideEnd.SEEN, Elsewhere.FOUND)
     turn = DriveTurn(context)
     moved(context, 10.0, stamp=NOW)
@@ -529,7 +529,7 @@ def test_a_shuttle_must_find_room_where_the_next_strip_may_begin(
         return turn
 
     monkeypatch.setattr("host.pilot.endings.next_turn", chosen)
-    turn_on(context, NOW, Ended(EndOfField(NOW, context.motion, 0), seen=True))
+    turn_on(context, NOW, Ended(EndOfField(NOW, context.motion), seen=True))
     [(room, as_planned)] = found
     doubt = context.strip.begin_doubt_m
     assert doubt > 0.1
@@ -558,7 +558,7 @@ def test_a_border_that_the_strip_before_it_has_met_tells_of_the_machine_alone(
         monkeypatch.setattr(Position, name, lambda *_, again, **__: told.append(again))
     on_side(index, plan=NEW, cut_m=0.4).strip.met_begin(0.0)
     context = on_side(index, plan=NEW, cut_m=NEW.sides[index].length_m + 0.3)
-    end = EndOfField(NOW, context.motion, index)
+    end = EndOfField(NOW, context.motion)
     context.strip.met_end(end, None, looked=True)
     strip_of(context).met_end_surely()
     context = on_side(index, plan=NEW, cut_m=None)

@@ -20,7 +20,7 @@ def test_along_a_strip_that_bends_the_machine_goes_back_before_it_shuttles() -> 
     plan = bent_plan()
     bend_m = plan.sides[0].bends[0][0]
     context = on_side(plan=plan, cut_m=plan.sides[0].length_m)
-    ended = Ended(EndOfField(NOW, context.motion, 0), seen=True)
+    ended = Ended(EndOfField(NOW, context.motion), seen=True)
     assert is_for(leave_side(context, NOW, ended), SideEnd.BENT)
     strip = context.strip
     assert isinstance(strip, PlannedStrip)
@@ -47,7 +47,7 @@ def test_going_back_it_steers_towards_the_way_on_which_it_has_cut(
     """Not towards the strip as it was planned, beside which that may lie by a metre."""
     plan = bent_plan()
     context = on_side(plan=plan, cut_m=plan.sides[0].length_m)
-    end_side(context, NOW, EndOfField(NOW, context.motion, 0))
+    end_side(context, NOW, EndOfField(NOW, context.motion))
     assert isinstance(context.strip, PlannedStrip)
     context.estimate.lane.place(planned_left_m, 0.0, 0.05, 0.02)
     context.strip.place(plan.sides[0].bends[0][0] + 3.0)
