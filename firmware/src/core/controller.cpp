@@ -57,7 +57,8 @@ void Controller::configure_rest(Board &board) {
 }
 
 // Both bridges are named, no limit is beyond what its sensor shows, no current and no PWM beyond
-// what the driver stands. The drive's timer is slower than any driver.
+// what the driver stands, and the steering may be driven so hard that a stuck one shows. The
+// drive's timer is slower than any driver.
 bool Controller::set_up() const {
   const int32_t battery_top = params_[Param::battery_scale] / 50 * 49;
   return params_[Param::steer_current_cont] <= bridge_rating(steer_style_) &&
@@ -68,7 +69,8 @@ bool Controller::set_up() const {
          steer_current_.shows(params_[Param::steer_current_max]) &&
          drive_current_.shows(params_[Param::drive_current_max]) &&
          params_[Param::battery_high] <= battery_top &&
-         params_[Param::steer_duty_max] > params_[Param::steer_min_duty];
+         params_[Param::steer_duty_max] - params_[Param::steer_min_duty] >=
+             MotionWatch::kDrivenHard;
 }
 
 void Controller::tick(Board &board) {

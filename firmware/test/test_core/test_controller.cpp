@@ -562,6 +562,29 @@ TEST_CASE("A steering that is driven and does not move latches, by its current a
   }
 }
 
+// With less between them nothing was judged at all, and the machine armed.
+TEST_CASE(
+    "However close steer_duty_max is to steer_min_duty, a steering that arms and is stuck "
+    "latches") {
+  int armed = 0;
+  for (const int16_t floor : {0, 53, 150}) {
+    for (const int16_t above : {1, 39, 40, 41, 105}) {
+      Rig rig;
+      rig.set(Param::steer_min_duty, floor);
+      rig.set(Param::steer_duty_max, static_cast<int16_t>(floor + above < 30 ? 30 : floor + above));
+      rig.board.answers();
+      rig.board.type(protocol::Arm::kId, {protocol::kVersion});
+      rig.tick();
+      if (rig.state() != State::ARMED) continue;
+      ++armed;
+      rig.ask(0, 3000);
+      rig.drive_for(400);
+      CHECK(rig.faults() == protocol::POT_FROZEN);
+    }
+  }
+  CHECK(armed == 9);
+}
+
 TEST_CASE("A steering motor with its wires swapped latches as a runaway") {
   Rig rig;
   rig.arm();
@@ -764,7 +787,7 @@ TEST_CASE("ARM is refused where a limit is beyond what driver or sensor stand or
   for (const Case &each :
        {Case{Param::steer_current_cont, 400, 401, 1}, Case{Param::steer_current_max, 500, 501, 1},
         Case{Param::steer_current_max, 2390, 2400}, Case{Param::drive_current_max, 5980, 5990},
-        Case{Param::battery_high, 19600, 19601}, Case{Param::steer_duty_max, 54, 53}}) {
+        Case{Param::battery_high, 19600, 19601}, Case{Param::steer_duty_max, 93, 92}}) {
     for (const bool good : {true, false}) {
       Rig rig;
       rig.set(Param::steer_driver, each.driver);
