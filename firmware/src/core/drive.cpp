@@ -130,7 +130,9 @@ void Drive::configure(const Params &params) {
   kp_ = divide(params[Param::drive_kp] * (int32_t{1} << 16), 10000);
   ki_ = divide(params[Param::drive_ki] * (int32_t{1} << 14) * kTickMs, 156250);  // 1e7 / 2^6
   limit_ = params[Param::speed_max];
-  ramp_ = static_cast<int16_t>(divide(params[Param::drive_accel] * int32_t{kTickMs} * 16, 1000));
+  // 16ths of a mm/s a tick are 2/25 of mm/s2, which 16 bits hold.
+  static_assert(kTickMs * 16 * 25 == 2 * 1000, "of a tick");
+  ramp_ = static_cast<int16_t>((2 * params[Param::drive_accel] + 25 / 2) / 25);
   follows_ = divide(kWhole * kTickMs, params[Param::drive_lag] + kTickMs);
   nominal_ = params[Param::battery_nominal];
   lowest_ = params[Param::battery_low];
