@@ -252,7 +252,7 @@ void Controller::observe(Board &board) {
     angle_ = pot_.angle(seen.pot);
   }
   pulses_ = board.pulses();
-  hall_.step(pulses_, drive_duty_, drive_.setpoint());
+  hall_.step(pulses_, drive_duty_, drive_.awaited());
   steer_current_.step(board.analog(Analog::kSteerCurrent));
   drive_current_.step(board.analog(Analog::kDriveCurrent));
   battery_ = static_cast<int16_t>((board.analog(Analog::kBattery) * battery_scale_) >> 14);

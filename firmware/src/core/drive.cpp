@@ -147,7 +147,14 @@ bool Drive::slows(int16_t duty, int16_t measured, int16_t battery) const {
 
 int32_t Drive::supply(int16_t battery) const { return battery < lowest_ ? lowest_ : battery; }
 
+int16_t Drive::awaited() const {
+  const int16_t asked = setpoint();
+  if (!hard_ || magnitude(asked) >= kSlow) return asked;
+  return static_cast<int16_t>(asked < 0 ? -kSlow : kSlow);
+}
+
 void Drive::release() {
+  hard_ = false;
   integral_ = 0;
   expected_ = 0;
   setpoint_ = 0;
@@ -163,6 +170,7 @@ int16_t Drive::step(int16_t target, int16_t measured, int16_t battery, bool stuc
   setpoint_ = approach(setpoint_, clamp(target, -limit_, limit_) * 16, ramp_);
   const int16_t wanted = setpoint();
   expected_ += (setpoint_ - expected_ / 256) * follows_ / (kWhole / 256);
+  hard_ = false;
   if (wanted == 0) {
     integral_ = 0;
     expected_ = 0;
@@ -189,6 +197,7 @@ int16_t Drive::step(int16_t target, int16_t measured, int16_t battery, bool stuc
     const int32_t extra = more ? (backward ? -kBreakAway : kBreakAway) : 0;
     if (!deeper) integral_ = clamp(integral_ + ki_ * error + extra, -16 * kFull, 16 * kFull);
     duty = (output + kHalf) >> 16;
+    hard_ = magnitude(duty) >= size + beyond_;
   }
   return static_cast<int16_t>(duty);
 }

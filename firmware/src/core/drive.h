@@ -87,6 +87,10 @@ class Drive {
   void release();
   // The ramped setpoint, mm/s; 0 while released.
   int16_t setpoint() const { return static_cast<int16_t>(setpoint_ / 16); }
+  // The speed whose pulses are awaited, mm/s. A creep gives too few to be judged by, but one that
+  // has come to the duty of the parameter speed_excess more speed on level ground is judged as the
+  // slowest speed that is: a silent sensor would have it driven at full duty.
+  int16_t awaited() const;
   // Once a tick where speed is known: what a sound machine may go at rises with the setpoint, and
   // falls as its lag lets it. One that is told to stand rolls on at first.
   void update_allowed();
@@ -113,6 +117,7 @@ class Drive {
   int16_t beyond_ = 0;    // duty that makes the speed the parameter speed_excess higher
   int16_t nominal_ = 0;   // battery, mV; 0: no compensation
   int16_t lowest_ = 0;    // battery, mV
+  bool hard_ = false;     // the last duty was of speed_excess more than was asked, or beyond it
 };
 
 }  // namespace daranti

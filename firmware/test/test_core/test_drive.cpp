@@ -686,6 +686,50 @@ TEST_CASE(
   CHECK(lame.step(200, 0, 12000, true) == 152);
 }
 
+TEST_CASE(
+    "Pulses are awaited for 0.1 m/s where a creep's duty is of speed_excess more, else for what is "
+    "asked") {
+  for (const int16_t sign : {1, -1}) {
+    const auto asked = [sign](int mmps) { return static_cast<int16_t>(sign * mmps); };
+    // 200 mm/s at full duty are 0.784 mm/s a duty; 0.1 m/s more are 127 duty more.
+    Drive drive = drive_with({{Param::drive_kp, 0},
+                              {Param::drive_ki, 2000},
+                              {Param::speed_full, 200},
+                              {Param::speed_excess, 100}});
+    settle(drive, asked(50), asked(50));
+    CHECK(drive.awaited() == asked(50));
+    int16_t duty = 0;
+    for (int i = 0; i < 4000 && magnitude(duty) < 64 + 127; ++i) {
+      CHECK(drive.awaited() == asked(50));
+      duty = drive.step(asked(50), 0, 12000, false);
+    }
+    CHECK(duty == asked(64 + 127));
+    CHECK(drive.awaited() == asked(100));
+    // What is judged anyway is awaited as it is asked.
+    settle(drive, asked(100), 0);
+    CHECK(drive.awaited() == asked(100));
+    settle(drive, asked(101), 0);
+    CHECK(drive.awaited() == asked(101));
+    settle(drive, asked(99), 0);
+    CHECK(drive.awaited() == asked(100));
+    drive.release();
+    CHECK(drive.awaited() == 0);
+    // What is asked after a release is a creep again, though all before was driven hard.
+    drive.step(asked(50), 0, 12000, false);
+    CHECK(magnitude(drive.awaited()) < 50);
+  }
+  // Without a sensor nothing is awaited.
+  Drive blind = drive_with({{Param::speed_full, 200}, {Param::speed_excess, 100}});
+  settle(blind, 99, 0, 12000, 4000);
+  CHECK(blind.awaited() == 100);
+  settle(blind, 99, Hall::kNone);
+  CHECK(blind.awaited() == 99);
+  // Where a stand is asked, too.
+  settle(blind, 99, 0, 12000, 4000);
+  settle(blind, 0, 0);
+  CHECK(blind.awaited() == 0);
+}
+
 TEST_CASE("A sensor of few pulses is given two of them") {
   Hall hall = hall_with(50);  // 200 mm a pulse
   for (int i = 0; i < 159; ++i) hall.step(at(0), 100, 500);

@@ -195,6 +195,14 @@ def test_from_a_stand_a_silent_sensor_stops_the_machine_within_half_a_metre(
     assert drive.until_fault_m < 0.5
 
 
+@pytest.mark.parametrize("speed_mps", [0.08, -0.099])
+def test_told_to_creep_a_machine_with_a_silent_sensor_does_not_run_away(speed_mps: float) -> None:
+    """Its loop has seen no movement, and would drive it at full duty: 1 m/s."""
+    drive = driven(0.0, speed_mps, hall_open=True)
+    assert drive.fault == Fault.HALL_LOST
+    assert drive.fastest_mps < 0.5  # speed_excess, 0.35 m/s, more than asked
+
+
 @BRIDGES
 @pytest.mark.parametrize("speed_mps", [0.5, -0.3])
 @pytest.mark.parametrize("nose_down_deg", [6.0, 3.0, -5.0])
