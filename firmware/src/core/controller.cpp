@@ -67,7 +67,7 @@ bool Controller::set_up() const {
          params_[Param::drive_current_max] <= bridge_peak(drive_style_) &&
          params_[Param::steer_pwm_freq] <= bridge_fastest(steer_style_) &&
          steer_current_.shows(params_[Param::steer_current_max]) &&
-         drive_current_.shows(params_[Param::drive_current_max]) &&
+         drive_current_.shows(params_[Param::drive_current_max]) && hall_.shows() &&
          params_[Param::battery_high] <= battery_top &&
          params_[Param::steer_duty_max] - params_[Param::steer_min_duty] >=
              MotionWatch::kDrivenHard;

@@ -116,6 +116,10 @@ void Hall::listen(uint16_t fell) {
   }
 }
 
+bool Hall::shows() const {
+  return per_metre_ == 0 || per_metre_ * int32_t{kSlow} * kStandsTicks >= kPulse * kTicksPerSecond;
+}
+
 bool Hall::wrong_way() const { return per_metre_ != 0 && against_ >= wrong_way_; }
 
 bool Hall::lost() const {

@@ -36,6 +36,9 @@ class Hall {
   }
   // Has gone 0.15 m, and three pulses, against the direction asked; with two sensors only.
   bool wrong_way() const;
+  // Whether the slowest speed that is judged, 0.1 m/s, gives a pulse a second: with fewer a machine
+  // that drives seems to stand, and is driven harder. True where no sensor is configured.
+  bool shows() const;
 
   static constexpr int16_t kNone = INT16_MIN;
 
