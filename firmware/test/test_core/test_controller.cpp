@@ -828,7 +828,8 @@ TEST_CASE("ARM is refused where a limit is beyond what driver or sensor stand or
        {Case{Param::steer_current_cont, 400, 401, 1}, Case{Param::steer_current_max, 500, 501, 1},
         Case{Param::steer_current_max, 2390, 2400}, Case{Param::drive_current_max, 5980, 5990},
         Case{Param::battery_high, 19600, 19601}, Case{Param::hall_per_metre, 100, 99},
-        Case{Param::hall_per_metre, 0, 1}, Case{Param::steer_duty_max, 93, 92}}) {
+        Case{Param::hall_per_metre, 0, 1}, Case{Param::steer_current_scale, 10, 9},
+        Case{Param::drive_current_scale, 0, 1}, Case{Param::steer_duty_max, 93, 92}}) {
     for (const bool good : {true, false}) {
       Rig rig;
       rig.set(Param::steer_driver, each.driver);
