@@ -102,7 +102,8 @@ void Hall::step(const Pulses &pulses, int16_t duty, int16_t setpoint) {
   remainder_ += (two_ ? way : backward_ ? -come : come) * kPulse;
   const int32_t whole = remainder_ / per_metre_;
   remainder_ -= whole * per_metre_;
-  distance_ += whole;
+  // It wraps, as unsigned numbers may.
+  distance_ = static_cast<int32_t>(static_cast<uint32_t>(distance_) + static_cast<uint32_t>(whole));
   speed_ = static_cast<int16_t>(backward_ ? -size : size);
 }
 

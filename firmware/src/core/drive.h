@@ -17,7 +17,7 @@ class Hall {
   void step(const Pulses &pulses, int16_t duty, int16_t setpoint);
   // mm/s; kNone where no sensor is configured.
   int16_t speed() const { return speed_; }
-  // mm, signed, since boot.
+  // mm, signed, since boot; wraps.
   int32_t distance() const { return distance_; }
   // Driven without a pulse for 0.25 m of the setpoint or 0.5 m of the duty, or for 0.9 s since the
   // last one where the machine had broken away (for that it may take longer); always two were due.

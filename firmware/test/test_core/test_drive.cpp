@@ -777,6 +777,13 @@ TEST_CASE("A pulse just 1 s after the one before still tells a speed") {
   CHECK(hall.speed() == 50);
 }
 
+TEST_CASE("The distance wraps as the link's 32 bits do") {
+  // Noise alone, with a pulse of 10 m: 600 km a tick.
+  Hall hall = hall_with(1);
+  for (int i = 1; i <= 4; ++i) hall.step(at(60000 * i), 100, 0);
+  CHECK(hall.distance() == 4 * 600'000'000LL - (1LL << 32));
+}
+
 TEST_CASE("At most 1000 pulses count in a tick") {
   Hall hall = hall_with(4000);
   hall.step(at(1), 100, 0);
