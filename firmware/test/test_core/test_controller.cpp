@@ -1829,3 +1829,14 @@ TEST_CASE("A driver's rating is its data sheet's; none has none") {
         param_range(static_cast<uint8_t>(Param::drive_current_max)).high);
   CHECK(bridge_peak(BridgeStyle::kNotSet) == 0);
 }
+
+TEST_CASE("A driver that there is not drives nothing and stands nothing") {
+  const auto none = static_cast<BridgeStyle>(4);
+  for (const Bridging bridging : {Bridging::kDrive, Bridging::kBrake}) {
+    const BridgeWires wires = bridge_wires(none, 255, 0, bridging);
+    CHECK((wires.pwm == 0 && wires.lpwm == 0 && !wires.in1 && !wires.in2));
+  }
+  CHECK(bridge_rating(none) == 0);
+  CHECK(bridge_peak(none) == 0);
+  CHECK(bridge_fastest(none) == 0);
+}

@@ -1019,4 +1019,5 @@ TEST_CASE("Too fast is above what is asked and its margin, and not just at them"
   CHECK(!hall.fast(650));
   CHECK(hall.fast(649));
   CHECK(!hall.fast(-650));
+  CHECK(!hall_with(0).fast(0));
 }
