@@ -13,9 +13,12 @@ constexpr int32_t kLostDistance = int32_t{250} * kTicksPerSecond;  // mm/s times
 constexpr uint16_t kLostTicks = 900 / kTickMs;
 constexpr int32_t kPushLost = 500;                                      // mm
 constexpr int32_t kBreakAway = (int32_t{150} << 20) / kTicksPerSecond;  // duty a tick, 2^-20
-constexpr int32_t kWrongWay = 150;    // mm: a start on a slope of five degrees rolls back less
-constexpr int32_t kPulse = 10000;     // mm times per_metre
-constexpr int16_t kSlow = 100;        // mm/s: a machine in mud may stand still at less
+constexpr int32_t kWrongWay = 150;  // mm: a start on a slope of five degrees rolls back less
+constexpr int32_t kPulse = 10000;   // mm times per_metre
+constexpr int16_t kSlow = 100;      // mm/s: a machine in mud may stand still at less
+// In kStandsTicks a pulse at kSlow, 0.1 pulses/m.
+constexpr int16_t kLeastPerMetre =
+    static_cast<int16_t>(kPulse * kTicksPerSecond / kStandsTicks / kSlow);
 constexpr int32_t kErrorMax = 10000;  // mm/s, keeps the products within 32 bits
 constexpr int32_t kFreshMax = 1000;   // pulses in a tick
 constexpr int32_t kFull = int32_t{255} << 16;
@@ -117,9 +120,7 @@ void Hall::listen(uint16_t fell) {
   }
 }
 
-bool Hall::shows() const {
-  return per_metre_ == 0 || per_metre_ * int32_t{kSlow} * kStandsTicks >= kPulse * kTicksPerSecond;
-}
+bool Hall::shows() const { return per_metre_ == 0 || per_metre_ >= kLeastPerMetre; }
 
 bool Hall::wrong_way() const { return per_metre_ != 0 && against_ >= wrong_way_; }
 
@@ -163,6 +164,7 @@ void Drive::release() {
   integral_ = 0;
   expected_ = 0;
   setpoint_ = 0;
+  wanted_ = 0;
 }
 
 void Drive::update_allowed() {
@@ -173,7 +175,8 @@ void Drive::update_allowed() {
 
 int16_t Drive::step(int16_t target, int16_t measured, int16_t battery, bool stuck) {
   setpoint_ = approach(setpoint_, clamp(target, -limit_, limit_) * 16, ramp_);
-  const int16_t wanted = setpoint();
+  const int16_t wanted = static_cast<int16_t>(setpoint_ / 16);
+  wanted_ = wanted;
   expected_ += (setpoint_ - expected_ / 256) * follows_ / (kWhole / 256);
   hard_ = false;
   if (wanted == 0) {

@@ -89,7 +89,7 @@ class Drive {
   bool slows(int16_t duty, int16_t measured, int16_t battery) const;
   void release();
   // The ramped setpoint, mm/s; 0 while released.
-  int16_t setpoint() const { return static_cast<int16_t>(setpoint_ / 16); }
+  int16_t setpoint() const { return wanted_; }
   // The speed whose pulses are awaited, mm/s. A creep gives too few to be judged by, but one that
   // has come to the duty of the parameter speed_excess more speed on level ground is judged as the
   // slowest speed that is: a silent sensor would have it driven at full duty.
@@ -114,6 +114,7 @@ class Drive {
   int32_t expected_ = 0;  // mm/s, 1/4096: what it should have come to by now
   int32_t allowed_ = 0;   // mm/s, 1/4096: what it may still go at
   int32_t follows_ = 0;   // share of what it lacks that it takes in a tick, 2^-14
+  int16_t wanted_ = 0;    // setpoint_, mm/s
   int16_t limit_ = 0;     // mm/s
   int16_t ramp_ = 0;      // mm/s a tick, 1/16
   int16_t floor_ = 0;     // minimum duty
