@@ -237,9 +237,12 @@ TEST_CASE("Gains and ramps are rounded to their last digit") {
       drive_with({{Param::drive_kp, 0}, {Param::drive_ki, 350}, {Param::speed_full, 10000}});
   // 183.5 rounds to 184 in 2^-20 duty per mm/s and tick.
   CHECK(settle(slow, 1, -9999, 12000, 58) == 100);
-  Drive ramp = drive_with({{Param::drive_accel, 4994}, {Param::speed_max, 3000}});
-  for (int i = 0; i < 16; ++i) ramp.step(3000, Hall::kNone, 12000, false);
-  CHECK(ramp.setpoint() == 400);
+  // 399.52 and 398.48 of 1/16 mm/s a tick.
+  for (const auto &each : {Set{Param::drive_accel, 4994}, Set{Param::drive_accel, 4981}}) {
+    Drive ramp = drive_with({each, {Param::speed_max, 3000}});
+    for (int i = 0; i < 16; ++i) ramp.step(3000, Hall::kNone, 12000, false);
+    CHECK(ramp.setpoint() == (each.value == 4994 ? 400 : 398));
+  }
   Drive sum = drive_with({{Param::drive_kp, 125}, {Param::drive_ki, 0}, {Param::speed_full, 1275}});
   CHECK(settle(sum, 1000) == 200);
   CHECK(settle(sum, 1000, 800) == 202);
