@@ -11,9 +11,9 @@ case ${1:-} in
 esac
 core=$root/firmware/src/core
 if [ "$target" = parser ]; then
-  sources=$core/frame.cpp inputs=10000000 length=96
+  sources=$core/frame.cpp inputs=10000000 length=96 longest=40
 else
-  sources=$(echo "$core"/*.cpp) inputs=200000 length=200
+  sources=$(echo "$core"/*.cpp) inputs=200000 length=200 longest=200
 fi
 inputs=${1:-$inputs}
 seed=${2:-1}
@@ -51,4 +51,4 @@ echo "fuzz.sh: random inputs instead. For guided ones: apt-get install clang lib
 # shellcheck disable=SC2086
 g++ $common -fsanitize=address,undefined -fno-sanitize-recover=all -o "$out/$target" $sources \
   "$root/tools/fuzz_random.cpp"
-exec "$out/$target" "$inputs" "$seed"
+exec "$out/$target" "$inputs" "$seed" "$longest"

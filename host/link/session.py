@@ -163,7 +163,8 @@ RESULT_TEXTS = {
     protocol.Result.NOT_SET_UP: (
         "this machine is not set up: tell the firmware which drivers it has (`daranti params set "
         "steer_driver N --save` and drive_driver), keep the limits and steer_pwm_freq within what "
-        "drivers and sensors stand and show, and steer_duty_max above steer_min_duty"
+        "drivers and sensors stand and show, and steer_duty_max at least 40 above steer_min_duty, "
+        "and hall_per_metre and ..._current_scale at least 10 where their sensor is fitted"
     ),
     protocol.Result.STALE: "a repeated or old command",
 }

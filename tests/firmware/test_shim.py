@@ -270,6 +270,26 @@ def test_a_converter_that_runs_too_fast_ends_the_run(make: Maker, prescaler: int
     chip.refuses(f"ADCSRA: the converter runs at {khz} kHz")
 
 
+def test_a_conversion_begins_with_the_next_clock_of_the_converter(make: Maker) -> None:
+    """23.4: 13 of its clocks of 8 us, and what is left of the one in which it is asked for."""
+    chip = make()
+    chip.target.hang()  # a processor that sleeps goes on to its next sample
+    chip.run(1800)  # in the tick's millisecond none runs
+    took, ends = [], set()
+    for pause_us in (1, 3, 2, 5, 8):
+        chip.run(pause_us)
+        begun_us = chip.now_us
+        chip.write((ADCSRA, 0xC7))
+        while chip.read(ADCSRA) & 0x40:
+            chip.run(1)
+        took.append(chip.now_us - begun_us)
+        ends.add(chip.now_us % 8)
+    assert len(ends) == 1
+    assert min(took) >= 104
+    assert max(took) <= 113
+    assert len(set(took)) > 2
+
+
 def test_a_conversion_asked_for_while_another_runs_ends_the_run(make: Maker) -> None:
     chip = make()
     chip.run(1800)  # in the tick's millisecond none runs

@@ -57,7 +57,8 @@ void Controller::configure_rest(Board &board) {
 }
 
 // Both bridges are named, no limit is beyond what its sensor shows, no current and no PWM beyond
-// what the driver stands. The drive's timer is slower than any driver.
+// what the driver stands, and the steering may be driven so hard that a stuck one shows. The
+// drive's timer is slower than any driver.
 bool Controller::set_up() const {
   const int32_t battery_top = params_[Param::battery_scale] / 50 * 49;
   return params_[Param::steer_current_cont] <= bridge_rating(steer_style_) &&
@@ -66,9 +67,10 @@ bool Controller::set_up() const {
          params_[Param::drive_current_max] <= bridge_peak(drive_style_) &&
          params_[Param::steer_pwm_freq] <= bridge_fastest(steer_style_) &&
          steer_current_.shows(params_[Param::steer_current_max]) &&
-         drive_current_.shows(params_[Param::drive_current_max]) &&
+         drive_current_.shows(params_[Param::drive_current_max]) && hall_.shows() &&
          params_[Param::battery_high] <= battery_top &&
-         params_[Param::steer_duty_max] > params_[Param::steer_min_duty];
+         params_[Param::steer_duty_max] - params_[Param::steer_min_duty] >=
+             MotionWatch::kDrivenHard;
 }
 
 void Controller::tick(Board &board) {
@@ -250,7 +252,7 @@ void Controller::observe(Board &board) {
     angle_ = pot_.angle(seen.pot);
   }
   pulses_ = board.pulses();
-  hall_.step(pulses_, drive_duty_, drive_.setpoint());
+  hall_.step(pulses_, drive_duty_, drive_.awaited());
   steer_current_.step(board.analog(Analog::kSteerCurrent));
   drive_current_.step(board.analog(Analog::kDriveCurrent));
   battery_ = static_cast<int16_t>((board.analog(Analog::kBattery) * battery_scale_) >> 14);

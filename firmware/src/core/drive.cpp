@@ -13,9 +13,12 @@ constexpr int32_t kLostDistance = int32_t{250} * kTicksPerSecond;  // mm/s times
 constexpr uint16_t kLostTicks = 900 / kTickMs;
 constexpr int32_t kPushLost = 500;                                      // mm
 constexpr int32_t kBreakAway = (int32_t{150} << 20) / kTicksPerSecond;  // duty a tick, 2^-20
-constexpr int32_t kWrongWay = 150;    // mm: a start on a slope of five degrees rolls back less
-constexpr int32_t kPulse = 10000;     // mm times per_metre
-constexpr int16_t kSlow = 100;        // mm/s: a machine in mud may stand still at less
+constexpr int32_t kWrongWay = 150;  // mm: a start on a slope of five degrees rolls back less
+constexpr int32_t kPulse = 10000;   // mm times per_metre
+constexpr int16_t kSlow = 100;      // mm/s: a machine in mud may stand still at less
+// In kStandsTicks a pulse at kSlow, 0.1 pulses/m.
+constexpr int16_t kLeastPerMetre =
+    static_cast<int16_t>(kPulse * kTicksPerSecond / kStandsTicks / kSlow);
 constexpr int32_t kErrorMax = 10000;  // mm/s, keeps the products within 32 bits
 constexpr int32_t kFreshMax = 1000;   // pulses in a tick
 constexpr int32_t kFull = int32_t{255} << 16;
@@ -102,7 +105,8 @@ void Hall::step(const Pulses &pulses, int16_t duty, int16_t setpoint) {
   remainder_ += (two_ ? way : backward_ ? -come : come) * kPulse;
   const int32_t whole = remainder_ / per_metre_;
   remainder_ -= whole * per_metre_;
-  distance_ += whole;
+  // It wraps, as unsigned numbers may.
+  distance_ = static_cast<int32_t>(static_cast<uint32_t>(distance_) + static_cast<uint32_t>(whole));
   speed_ = static_cast<int16_t>(backward_ ? -size : size);
 }
 
@@ -115,6 +119,8 @@ void Hall::listen(uint16_t fell) {
     noisy_ = false;  // a pulse that came now would be none
   }
 }
+
+bool Hall::shows() const { return per_metre_ == 0 || per_metre_ >= kLeastPerMetre; }
 
 bool Hall::wrong_way() const { return per_metre_ != 0 && against_ >= wrong_way_; }
 
@@ -130,7 +136,9 @@ void Drive::configure(const Params &params) {
   kp_ = divide(params[Param::drive_kp] * (int32_t{1} << 16), 10000);
   ki_ = divide(params[Param::drive_ki] * (int32_t{1} << 14) * kTickMs, 156250);  // 1e7 / 2^6
   limit_ = params[Param::speed_max];
-  ramp_ = static_cast<int16_t>(divide(params[Param::drive_accel] * int32_t{kTickMs} * 16, 1000));
+  // 16ths of a mm/s a tick are 2/25 of mm/s2, which 16 bits hold.
+  static_assert(kTickMs * 16 * 25 == 2 * 1000, "of a tick");
+  ramp_ = static_cast<int16_t>((2 * params[Param::drive_accel] + 25 / 2) / 25);
   follows_ = divide(kWhole * kTickMs, params[Param::drive_lag] + kTickMs);
   nominal_ = params[Param::battery_nominal];
   lowest_ = params[Param::battery_low];
@@ -145,10 +153,18 @@ bool Drive::slows(int16_t duty, int16_t measured, int16_t battery) const {
 
 int32_t Drive::supply(int16_t battery) const { return battery < lowest_ ? lowest_ : battery; }
 
+int16_t Drive::awaited() const {
+  const int16_t asked = setpoint();
+  if (!hard_ || magnitude(asked) >= kSlow) return asked;
+  return static_cast<int16_t>(asked < 0 ? -kSlow : kSlow);
+}
+
 void Drive::release() {
+  hard_ = false;
   integral_ = 0;
   expected_ = 0;
   setpoint_ = 0;
+  wanted_ = 0;
 }
 
 void Drive::update_allowed() {
@@ -159,8 +175,10 @@ void Drive::update_allowed() {
 
 int16_t Drive::step(int16_t target, int16_t measured, int16_t battery, bool stuck) {
   setpoint_ = approach(setpoint_, clamp(target, -limit_, limit_) * 16, ramp_);
-  const int16_t wanted = setpoint();
+  const int16_t wanted = static_cast<int16_t>(setpoint_ / 16);
+  wanted_ = wanted;
   expected_ += (setpoint_ - expected_ / 256) * follows_ / (kWhole / 256);
+  hard_ = false;
   if (wanted == 0) {
     integral_ = 0;
     expected_ = 0;
@@ -187,6 +205,7 @@ int16_t Drive::step(int16_t target, int16_t measured, int16_t battery, bool stuc
     const int32_t extra = more ? (backward ? -kBreakAway : kBreakAway) : 0;
     if (!deeper) integral_ = clamp(integral_ + ki_ * error + extra, -16 * kFull, 16 * kFull);
     duty = (output + kHalf) >> 16;
+    hard_ = magnitude(duty) >= size + beyond_;
   }
   return static_cast<int16_t>(duty);
 }

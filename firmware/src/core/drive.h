@@ -17,7 +17,7 @@ class Hall {
   void step(const Pulses &pulses, int16_t duty, int16_t setpoint);
   // mm/s; kNone where no sensor is configured.
   int16_t speed() const { return speed_; }
-  // mm, signed, since boot.
+  // mm, signed, since boot; wraps.
   int32_t distance() const { return distance_; }
   // Driven without a pulse for 0.25 m of the setpoint or 0.5 m of the duty, or for 0.9 s since the
   // last one where the machine had broken away (for that it may take longer); always two were due.
@@ -36,6 +36,9 @@ class Hall {
   }
   // Has gone 0.15 m, and three pulses, against the direction asked; with two sensors only.
   bool wrong_way() const;
+  // Whether the slowest speed that is judged, 0.1 m/s, gives a pulse a second: with fewer a machine
+  // that drives seems to stand, and is driven harder. True where no sensor is configured.
+  bool shows() const;
 
   static constexpr int16_t kNone = INT16_MIN;
 
@@ -86,7 +89,11 @@ class Drive {
   bool slows(int16_t duty, int16_t measured, int16_t battery) const;
   void release();
   // The ramped setpoint, mm/s; 0 while released.
-  int16_t setpoint() const { return static_cast<int16_t>(setpoint_ / 16); }
+  int16_t setpoint() const { return wanted_; }
+  // The speed whose pulses are awaited, mm/s. A creep gives too few to be judged by, but one that
+  // has come to the duty of the parameter speed_excess more speed on level ground is judged as the
+  // slowest speed that is: a silent sensor would have it driven at full duty.
+  int16_t awaited() const;
   // Once a tick where speed is known: what a sound machine may go at rises with the setpoint, and
   // falls as its lag lets it. One that is told to stand rolls on at first.
   void update_allowed();
@@ -107,12 +114,14 @@ class Drive {
   int32_t expected_ = 0;  // mm/s, 1/4096: what it should have come to by now
   int32_t allowed_ = 0;   // mm/s, 1/4096: what it may still go at
   int32_t follows_ = 0;   // share of what it lacks that it takes in a tick, 2^-14
+  int16_t wanted_ = 0;    // setpoint_, mm/s
   int16_t limit_ = 0;     // mm/s
   int16_t ramp_ = 0;      // mm/s a tick, 1/16
   int16_t floor_ = 0;     // minimum duty
   int16_t beyond_ = 0;    // duty that makes the speed the parameter speed_excess higher
   int16_t nominal_ = 0;   // battery, mV; 0: no compensation
   int16_t lowest_ = 0;    // battery, mV
+  bool hard_ = false;     // the last duty was of speed_excess more than was asked, or beyond it
 };
 
 }  // namespace daranti

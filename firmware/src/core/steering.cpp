@@ -41,12 +41,14 @@ void Steering::configure(const Params &params) {
                                params[Param::steer_kd], params[Param::steer_d_filter]},
                               kTickMs);
   limit_ = params[Param::steer_limit];
-  slew_ = static_cast<int16_t>(divide(params[Param::steer_slew] * int32_t{kTickMs}, 100));
+  // A tick's share of 0.1 deg/s and of duty/s, rounded, within 16 bits.
+  static_assert(kTickMs * 20 == 100 && kTickMs * 200 == 1000, "of a tick");
+  slew_ = static_cast<int16_t>((params[Param::steer_slew] + 20 / 2) / 20);
   deadband_ = params[Param::steer_deadband];
   floor_ = params[Param::steer_min_duty];
   const int16_t ceiling = params[Param::steer_duty_max];
   headroom_ = static_cast<int16_t>(ceiling > floor_ ? ceiling - floor_ : 0);
-  growth_ = static_cast<int16_t>(divide(params[Param::steer_duty_slew] * int32_t{kTickMs}, 1000));
+  growth_ = static_cast<int16_t>((params[Param::steer_duty_slew] + 200 / 2) / 200);
 }
 
 void Steering::release() {

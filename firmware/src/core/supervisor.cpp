@@ -24,9 +24,6 @@ constexpr uint16_t kWheelFastTicks = ticks(400);  // a hand's push or a pothole 
 constexpr uint16_t kEstopShort = 102 * 16;  // 0.5 V: the wires touch, or the chassis
 constexpr uint16_t kEstopOpen = 307 * 16;   // 1.5 V
 constexpr int16_t kStillBand = 60;          // centidegree: more than the pot's noise
-// Duty above the minimum with which every motor of the design moves: to break away it takes 90 at
-// most, and the default minimum is 53.
-constexpr int16_t kDrivenHard = 40;
 constexpr uint8_t kForget = 6;  // what was driven is forgotten while it is not: 64 ticks
 constexpr int16_t kFullDuty = 255;
 constexpr int16_t kLagMs = 100;     // the slowest motor's time constant; 107 in powers of two

@@ -57,6 +57,10 @@ class MotionWatch {
   // One tick; returns the bits of POT_JUMP, POT_FROZEN, STEER_STALL and STEER_RUNAWAY that hold.
   uint32_t step(const Params &params, const Observation &seen);
 
+  // Duty above the minimum with which every motor of the design moves: to break away it takes 90 at
+  // most, and the default minimum is 53. A motor that gets less is not judged.
+  static constexpr int16_t kDrivenHard = 40;
+
  private:
   int16_t last_angle_ = 0;
   int16_t anchor_ = 0;   // angle where the wheel last moved

@@ -1,5 +1,6 @@
 #include <doctest.h>
 
+#include <algorithm>
 #include <initializer_list>
 
 #include "controller.h"
@@ -562,6 +563,29 @@ TEST_CASE("A steering that is driven and does not move latches, by its current a
   }
 }
 
+// With less between them nothing was judged at all, and the machine armed.
+TEST_CASE(
+    "However close steer_duty_max is to steer_min_duty, a steering that arms and is stuck "
+    "latches") {
+  int armed = 0;
+  for (const int16_t floor : {0, 53, 150}) {
+    for (const int16_t above : {1, 39, 40, 41, 105}) {
+      Rig rig;
+      rig.set(Param::steer_min_duty, floor);
+      rig.set(Param::steer_duty_max, static_cast<int16_t>(floor + above < 30 ? 30 : floor + above));
+      rig.board.answers();
+      rig.board.type(protocol::Arm::kId, {protocol::kVersion});
+      rig.tick();
+      if (rig.state() != State::ARMED) continue;
+      ++armed;
+      rig.ask(0, 3000);
+      rig.drive_for(400);
+      CHECK(rig.faults() == protocol::POT_FROZEN);
+    }
+  }
+  CHECK(armed == 9);
+}
+
 TEST_CASE("A steering motor with its wires swapped latches as a runaway") {
   Rig rig;
   rig.arm();
@@ -585,6 +609,45 @@ TEST_CASE("A silent hall sensor latches after 0.25 m that should have given puls
   CHECK(rig.faults() == 0);
   rig.drive_for(10);
   CHECK(rig.faults() == protocol::HALL_LOST);
+}
+
+// A creep gives too few pulses to be judged by. Its loop went on to full duty with a silent sensor.
+TEST_CASE("Told to creep, a machine with a silent hall sensor is stopped before it is a runaway") {
+  for (const int16_t phases : {1, 2}) {
+    for (const int16_t asked : {20, 50, 99, -50, -99}) {
+      Rig rig;
+      rig.set(Param::hall_per_metre, 500);
+      rig.set(Param::hall_phases, phases);
+      rig.arm();
+      rig.ask(asked);
+      int ticks = 0, most = 0;
+      for (; rig.state() == State::RUNNING || ticks == 0; ++ticks) {
+        rig.drive_for(1);
+        most = std::max<int>(most, rig.board.drive.pwm);
+        REQUIRE(ticks < 6000);
+      }
+      CHECK(rig.faults() == protocol::HALL_LOST);
+      // speed_excess is 0.35 m/s, 89 of 255 at the default speed_full. What the duty gives comes
+      // half a metre beyond that, which is 1.1 s.
+      const int beyond = most - 89 - magnitude(asked) * 255 / 1000;
+      CHECK(beyond >= 0);
+      CHECK(beyond <= 25);
+    }
+  }
+}
+
+TEST_CASE("Told to creep uphill, a machine whose sensor counts is driven as hard as it takes") {
+  Rig rig;
+  rig.set(Param::hall_per_metre, 500);
+  rig.arm();
+  rig.ask(80);
+  // It turns its wheels a pulse in half a second, 0.04 m/s, however hard it is driven.
+  for (int i = 0; i < 8000; ++i) {
+    if (i % 100 == 99) ++rig.board.wheel;
+    rig.drive_for(1);
+    REQUIRE(rig.state() == State::RUNNING);
+  }
+  CHECK(rig.board.drive.pwm == 255);
 }
 
 TEST_CASE("Hall pulses show as speed and distance, and close the loop") {
@@ -764,7 +827,9 @@ TEST_CASE("ARM is refused where a limit is beyond what driver or sensor stand or
   for (const Case &each :
        {Case{Param::steer_current_cont, 400, 401, 1}, Case{Param::steer_current_max, 500, 501, 1},
         Case{Param::steer_current_max, 2390, 2400}, Case{Param::drive_current_max, 5980, 5990},
-        Case{Param::battery_high, 19600, 19601}, Case{Param::steer_duty_max, 54, 53}}) {
+        Case{Param::battery_high, 19600, 19601}, Case{Param::hall_per_metre, 100, 99},
+        Case{Param::hall_per_metre, 0, 1}, Case{Param::steer_current_scale, 10, 9},
+        Case{Param::drive_current_scale, 0, 1}, Case{Param::steer_duty_max, 93, 92}}) {
     for (const bool good : {true, false}) {
       Rig rig;
       rig.set(Param::steer_driver, each.driver);
@@ -1763,4 +1828,15 @@ TEST_CASE("A driver's rating is its data sheet's; none has none") {
   CHECK(bridge_peak(BridgeStyle::kVnh5019) ==
         param_range(static_cast<uint8_t>(Param::drive_current_max)).high);
   CHECK(bridge_peak(BridgeStyle::kNotSet) == 0);
+}
+
+TEST_CASE("A driver that there is not drives nothing and stands nothing") {
+  const auto none = static_cast<BridgeStyle>(4);
+  for (const Bridging bridging : {Bridging::kDrive, Bridging::kBrake}) {
+    const BridgeWires wires = bridge_wires(none, 255, 0, bridging);
+    CHECK((wires.pwm == 0 && wires.lpwm == 0 && !wires.in1 && !wires.in2));
+  }
+  CHECK(bridge_rating(none) == 0);
+  CHECK(bridge_peak(none) == 0);
+  CHECK(bridge_fastest(none) == 0);
 }

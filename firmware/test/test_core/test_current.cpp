@@ -24,6 +24,18 @@ TEST_CASE("A scale below 10 mV/A counts as 10") {
   }
 }
 
+TEST_CASE("What is shown is what flows, or the sensor shows nothing that may be relied on") {
+  for (int16_t scale = 0; scale <= 40; ++scale) {
+    Current current;
+    current.configure(2500, scale);
+    // 0.4 V above the sensor's zero.
+    current.step(static_cast<uint16_t>(int32_t{2900} * kAnalogMax / 5000));
+    const double flows = scale == 0 ? 0.0 : 40000.0 / scale;
+    const bool shown = magnitude(current.now() - static_cast<int32_t>(flows)) <= flows / 50 + 2;
+    CHECK(shown == current.shows(100));
+  }
+}
+
 TEST_CASE("A second after a step the mean has come 63 % of the way, after three 95 %") {
   Current current;
   current.configure(0, 50);

@@ -237,9 +237,12 @@ TEST_CASE("Gains and ramps are rounded to their last digit") {
       drive_with({{Param::drive_kp, 0}, {Param::drive_ki, 350}, {Param::speed_full, 10000}});
   // 183.5 rounds to 184 in 2^-20 duty per mm/s and tick.
   CHECK(settle(slow, 1, -9999, 12000, 58) == 100);
-  Drive ramp = drive_with({{Param::drive_accel, 4994}, {Param::speed_max, 3000}});
-  for (int i = 0; i < 16; ++i) ramp.step(3000, Hall::kNone, 12000, false);
-  CHECK(ramp.setpoint() == 400);
+  // 399.52 and 398.48 of 1/16 mm/s a tick.
+  for (const auto &each : {Set{Param::drive_accel, 4994}, Set{Param::drive_accel, 4981}}) {
+    Drive ramp = drive_with({each, {Param::speed_max, 3000}});
+    for (int i = 0; i < 16; ++i) ramp.step(3000, Hall::kNone, 12000, false);
+    CHECK(ramp.setpoint() == (each.value == 4994 ? 400 : 398));
+  }
   Drive sum = drive_with({{Param::drive_kp, 125}, {Param::drive_ki, 0}, {Param::speed_full, 1275}});
   CHECK(settle(sum, 1000) == 200);
   CHECK(settle(sum, 1000, 800) == 202);
@@ -686,6 +689,50 @@ TEST_CASE(
   CHECK(lame.step(200, 0, 12000, true) == 152);
 }
 
+TEST_CASE(
+    "Pulses are awaited for 0.1 m/s where a creep's duty is of speed_excess more, else for what is "
+    "asked") {
+  for (const int16_t sign : {1, -1}) {
+    const auto asked = [sign](int mmps) { return static_cast<int16_t>(sign * mmps); };
+    // 200 mm/s at full duty are 0.784 mm/s a duty; 0.1 m/s more are 127 duty more.
+    Drive drive = drive_with({{Param::drive_kp, 0},
+                              {Param::drive_ki, 2000},
+                              {Param::speed_full, 200},
+                              {Param::speed_excess, 100}});
+    settle(drive, asked(50), asked(50));
+    CHECK(drive.awaited() == asked(50));
+    int16_t duty = 0;
+    for (int i = 0; i < 4000 && magnitude(duty) < 64 + 127; ++i) {
+      CHECK(drive.awaited() == asked(50));
+      duty = drive.step(asked(50), 0, 12000, false);
+    }
+    CHECK(duty == asked(64 + 127));
+    CHECK(drive.awaited() == asked(100));
+    // What is judged anyway is awaited as it is asked.
+    settle(drive, asked(100), 0);
+    CHECK(drive.awaited() == asked(100));
+    settle(drive, asked(101), 0);
+    CHECK(drive.awaited() == asked(101));
+    settle(drive, asked(99), 0);
+    CHECK(drive.awaited() == asked(100));
+    drive.release();
+    CHECK(drive.awaited() == 0);
+    // What is asked after a release is a creep again, though all before was driven hard.
+    drive.step(asked(50), 0, 12000, false);
+    CHECK(magnitude(drive.awaited()) < 50);
+  }
+  // Without a sensor nothing is awaited.
+  Drive blind = drive_with({{Param::speed_full, 200}, {Param::speed_excess, 100}});
+  settle(blind, 99, 0, 12000, 4000);
+  CHECK(blind.awaited() == 100);
+  settle(blind, 99, Hall::kNone);
+  CHECK(blind.awaited() == 99);
+  // Where a stand is asked, too.
+  settle(blind, 99, 0, 12000, 4000);
+  settle(blind, 0, 0);
+  CHECK(blind.awaited() == 0);
+}
+
 TEST_CASE("A sensor of few pulses is given two of them") {
   Hall hall = hall_with(50);  // 200 mm a pulse
   for (int i = 0; i < 159; ++i) hall.step(at(0), 100, 500);
@@ -731,6 +778,13 @@ TEST_CASE("A pulse just 1 s after the one before still tells a speed") {
   for (int i = 0; i < 199; ++i) hall.step(at(1), 100, 0);
   hall.step(at(2), 100, 0);
   CHECK(hall.speed() == 50);
+}
+
+TEST_CASE("The distance wraps as the link's 32 bits do") {
+  // Noise alone, with a pulse of 10 m: 600 km a tick.
+  Hall hall = hall_with(1);
+  for (int i = 1; i <= 4; ++i) hall.step(at(60000 * i), 100, 0);
+  CHECK(hall.distance() == 4 * 600'000'000LL - (1LL << 32));
 }
 
 TEST_CASE("At most 1000 pulses count in a tick") {
@@ -968,4 +1022,5 @@ TEST_CASE("Too fast is above what is asked and its margin, and not just at them"
   CHECK(!hall.fast(650));
   CHECK(hall.fast(649));
   CHECK(!hall.fast(-650));
+  CHECK(!hall_with(0).fast(0));
 }

@@ -333,6 +333,12 @@ TEST_CASE("Slews are rounded to their last digit") {
   Steering fast = plain();
   fast.step(5000, 0);
   CHECK(fast.setpoint() == 150);
+  Steering half = plain({{Param::steer_slew, 1190}});
+  half.step(5000, 0);
+  CHECK(half.setpoint() == 60);
+  Steering less = plain({{Param::steer_slew, 1189}});
+  less.step(5000, 0);
+  CHECK(less.setpoint() == 59);
   Steering strong = plain({{Param::steer_kp, 10000}});
   CHECK(strong.step(5000, 0) == 128);
 }

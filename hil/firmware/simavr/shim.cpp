@@ -14,6 +14,7 @@
 //   bits at single speed; here it takes the next byte as the one before leaves its buffer (19.6).
 // - Timers 1 and 2 do not run, except for a bootloader, which may wait for one: PWM duties are
 //   worked out from their registers, which costs nothing and is never older than the last write.
+// - A conversion begins with the next clock of the converter, not as it is asked for (23.4).
 // - A one that is written to the converter's flag takes the waiting interrupt back.
 // - The EEPROM finishes a byte over a reset, and is busy so long.
 // - The reset's causes stay over further resets but power-on, and a one written to them sets none
@@ -233,6 +234,7 @@ struct daranti_target {
   uint64_t line_free = 0;  // when the firmware's line is free again
   uint32_t host_baud = kUsbBaud;
   uint8_t temp = 0;                               // of timer 1's 16-bit registers
+  uint64_t converter_on = 0;                      // cycle at which ADEN was set
   uint64_t storing_until = 0;                     // target time at which the EEPROM has its byte
   Hook eecr, adcsra, udr, mcusr, pwm[kPwmCount];  // libsimavr's own
   bool timed[kPwmCount] = {};                     // whether a bootloader has it from libsimavr
@@ -405,11 +407,28 @@ struct daranti_target {
     if ((value & kRuns) == kRuns && (avr->data[kAdcsra] & kRuns) == kRuns) {
       self->note("ADCSRA: a conversion is asked for while another runs; it never starts (23.9.2)");
     }
+    const uint8_t before = avr->data[kAdcsra];
+    if (!(before & kAden)) self->converter_on = avr->cycle;
     self->adcsra(avr, address, value);
+    if ((value & kRuns) == kRuns && !(before & kAdsc)) self->begin_on_its_clock(value & 7);
     // A one clears the flag, and with it the interrupt that waits (23.9.2).
     if (value & kAdif) {
       avr_clear_interrupt(avr, self->vector(self->chip->adc_vector));
       avr->data[kAdcsra] &= static_cast<uint8_t>(~kAdif);
+    }
+  }
+  // The converter's prescaler counts from when it was switched on, and a conversion begins with the
+  // next rising edge (23.4).
+  void begin_on_its_clock(uint8_t prescaler) {
+    const uint64_t clock = uint64_t{1} << (prescaler == 0 ? 1 : prescaler);
+    const uint64_t wait = clock - (avr->cycle - converter_on) % clock;
+    for (auto *slot = avr->cycle_timers.timer; slot != nullptr; slot = slot->next) {
+      if (slot->param != adcsra.param) continue;
+      const avr_cycle_timer_t ends = slot->timer;
+      const uint64_t left = slot->when - avr->cycle;
+      avr_cycle_timer_cancel(avr, ends, adcsra.param);
+      avr_cycle_timer_register(avr, left + wait, ends, adcsra.param);
+      return;
     }
   }
   // Puts a function of ours before libsimavr's own.

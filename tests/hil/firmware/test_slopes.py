@@ -47,9 +47,10 @@ def driven(
     motor_open_at_s: float = math.inf,
     hall_open: bool = False,
     bridge: Driver = "vnh5019",
+    spec: machine.MachineSpec | None = None,
 ) -> Drive:
     """Eight seconds of a speed that is asked for, from a stand."""
-    spec = machine.MachineSpec()
+    spec = spec or machine.MachineSpec()
     state, given = machine.initial(spec), machine.inputs()
     given["pitch"] = math.radians(nose_down_deg)
     wires = signal_wires.honest()
@@ -59,7 +60,8 @@ def driven(
             wires[signal]["mode"] = Mode.FIXED
     found, fastest, way = Fault(0), 0.0, 0.0
     layout = wiring.layout(Wiring(drive=bridge))
-    with provision.target("desk", TOLD | {"drive_driver": NAMED[bridge]}) as target:
+    told_of = {"drive_driver": NAMED[bridge], "hall_per_metre": spec.drive.hall_pulses_per_m}
+    with provision.target("desk", TOLD | told_of) as target:
         run = coupling.bind(
             target, state, machine.parameters(spec), given, wires=wires, layout=layout
         )
@@ -193,6 +195,31 @@ def test_from_a_stand_a_silent_sensor_stops_the_machine_within_half_a_metre(
     drive = driven(math.copysign(nose_down_deg, speed_mps), speed_mps, hall_open=True)
     assert drive.fault == Fault.HALL_LOST
     assert drive.until_fault_m < 0.5
+
+
+@pytest.mark.parametrize("speed_mps", [0.12, 0.5])
+@pytest.mark.parametrize("pulses_per_m", [2.0, 5.0, 9.9, 10.0, 20.0])
+def test_a_wheel_sensor_too_coarse_to_hold_the_speed_never_arms(
+    pulses_per_m: float, speed_mps: float
+) -> None:
+    """Between pulses more than a second apart the loop sees a machine that stands. One of 2 pulses
+    a metre went at 0.6 m/s where 0.12 was asked."""
+    spec = machine.MachineSpec(drive=machine.DriveSpec(hall_pulses_per_m=pulses_per_m))
+    drive = driven(0.0, speed_mps, spec=spec)
+    if pulses_per_m < 10.0:
+        assert drive.until_fault_m == 0.0
+    else:
+        assert drive.fault == Fault(0)
+        assert drive.at_end_mps == pytest.approx(speed_mps, abs=0.03)
+        assert drive.fastest_mps < speed_mps + 0.2
+
+
+@pytest.mark.parametrize("speed_mps", [0.08, -0.099])
+def test_told_to_creep_a_machine_with_a_silent_sensor_does_not_run_away(speed_mps: float) -> None:
+    """Its loop has seen no movement, and would drive it at full duty: 1 m/s."""
+    drive = driven(0.0, speed_mps, hall_open=True)
+    assert drive.fault == Fault.HALL_LOST
+    assert drive.fastest_mps < 0.5  # speed_excess, 0.35 m/s, more than asked
 
 
 @BRIDGES

@@ -170,8 +170,9 @@ void all_off() {
 // ---- the clock: samples every 200 us, conversions every millisecond, the tick -------------------
 
 // The tick's period has five milliseconds. Each of the first four begins a run of eight
-// conversions of 108 us, so that a voltage that changes every millisecond is sampled whole; the pot
-// comes last, for it must be freshest. The tick comes in the fifth.
+// conversions, so that a voltage that changes every millisecond is sampled whole; the pot comes
+// last, for it must be freshest. The tick comes in the fifth. A conversion takes 112 us: 13 of the
+// converter's clocks, and the rest of the one within which the interrupt asks for it (23.4).
 constexpr uint8_t kTickAt = 4;
 constexpr uint8_t kRun = 8;
 constexpr uint8_t kSamplesPerMs = 5;
