@@ -18,7 +18,7 @@ from host.vision.geometry import Camera
 from host.vision.mounted.beside import right_end_beside, stands_right
 from host.vision.mounted.density import PIXELS, mark_dense, mean_of, shares, tops_of
 from host.vision.mounted.evidence import LOGARITHM, Evidence, Floats, Sums
-from host.vision.mounted.feet import contour, reached
+from host.vision.mounted.feet import Figures, Flat, contour, reached
 from host.vision.mounted.grain import squared_steps
 from host.vision.mounted.profile import BIN_M, profile, right_side, stems_beyond, steps_beyond
 from host.vision.pictures import Mask
@@ -221,15 +221,17 @@ class FaceFinder:
         self._face = self._cut_face(surely_m)
         self._middle = self._face[0][1]
         blade_x, crop_m = self._vehicle.blade_x_m, self._vehicle.crop_height_m
-        self._flat = (
-            blade_x + FLAT_TO_M if z_c > crop_m else -math.inf,
-            LOWEST_M,
-            GRAIN_TO * crop_m,
-            FLAT_BELOW * crop_m,
-            HIGHEST_SHARE * crop_m,
-            blade_x + self._gap_m - NEXT_NEARER_M,
-            UPRIGHT_LEAST,
+        # from beside it stubble is as upright as crop
+        flat = Flat(
+            to_x_m=blade_x + FLAT_TO_M if z_c > crop_m else -math.inf,
+            low_m=LOWEST_M,
+            high_m=GRAIN_TO * crop_m,
+            below_m=FLAT_BELOW * crop_m,
+            clear_to_m=HIGHEST_SHARE * crop_m,
+            next_x_m=blade_x + self._gap_m - NEXT_NEARER_M,
+            upright=UPRIGHT_LEAST,
         )
+        self._flat: Figures = (*flat,)
 
     @staticmethod
     def _corridor(camera: Camera, vehicle: Vehicle) -> tuple[slice, slice]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,28 @@ BLOCK_PX = 16
 """Columns that share a foot."""
 TIMES = 2
 """So often what lies flat is looked past: a swath, and stubble behind it."""
+
+
+class Flat(NamedTuple):
+    """What lies flat, and is no foot. Heights are those at which it is seen, if it stood there."""
+
+    to_x_m: float
+    """What has its foot farther off is not looked at."""
+    low_m: float
+    high_m: float
+    """Between these heights the texture tells how it runs."""
+    below_m: float
+    """All of it is seen below this height,"""
+    clear_to_m: float
+    """and from there up to this one nothing else is,"""
+    next_x_m: float
+    """but for crop that begins here."""
+    upright: float
+    """Its steps across the picture, squared, are at most so many times those along it."""
+
+
+Figures = tuple[float, float, float, float, float, float, float]
+"""A `Flat`'s, as compiled functions take it."""
 
 
 @numba.njit(cache=True, nogil=True, boundscheck=False)
@@ -102,22 +126,22 @@ def look_past(
     ground_x: Floats,
     upward: Floats,
     camera: tuple[float, float, float],
-    flat: tuple[float, float, float, float, float, float, float],
+    flat: Figures,
     lowest: NDArray[np.int32],
 ) -> bool:
     """Marks in `lowest` above which row a block's foot is to be looked for anew, because what has
     its foot there lies flat: neither upright, nor as high as crop would be. -1 for the others.
-    `flat`: as `contour` has it. Whether there is any."""
-    far_x, low, high, below, tall, next_x, upright = flat
+    `flat`: a `Flat`. Whether there is any."""
+    to_x, low, high, below, clear, next_x, upright = flat
     blocks = feet.shape[0]
     top, bottom = np.zeros(blocks, np.int32), np.zeros(blocks, np.int32)
     for b in range(blocks):
         foot, u = feet[b], b * BLOCK_PX + BLOCK_PX // 2
         lowest[b] = -1
-        if foot < 0 or ground_x[foot, u] > far_x:
+        if foot < 0 or ground_x[foot, u] > to_x:
             continue
         away, v, z, reaches = ground_x[foot, u] - camera[0], foot, 0.0, 0.0
-        clear_to = min(tall, camera[2] * (1.0 - away / (next_x - camera[0])))
+        clear_to = min(clear, camera[2] * (1.0 - away / (next_x - camera[0])))
         while v > 0 and z < clear_to:
             if dense[v, u]:
                 reaches = z
@@ -155,15 +179,12 @@ def contour(
     across: Floats,
     upward: Floats,
     camera: tuple[float, float, float],
-    flat: tuple[float, float, float, float, float, float, float],
+    flat: Figures,
 ) -> tuple[Floats, Floats]:
     """(x, y) on the ground of the foot of each block of columns that has one. `ground_x`, `across`,
     `upward`: (height, width) x of the ground that a pixel shows, m, and its ray's parts to the left
-    and upward over the one that points forward; `camera`: its place, m. `flat`: what lies flat is
-    looked past up to which x; between which two heights above a foot the texture tells how it runs,
-    m; below which height all of it is seen, and up to which nothing else is, m, as if it stood at
-    its foot, but for crop that begins at an x, m; and how many times its steps across the picture
-    are those along it at most."""
+    and upward over the one that points forward; `camera`: its place, m. `flat`: a `Flat`; what
+    is one is looked past."""
     blocks = steps.shape[1] // BLOCK_PX
     sums = np.empty((2, steps.shape[0] + 1, blocks), np.int32)
     block_sums(steps, grey, sums)

@@ -15,7 +15,9 @@ ROWS, BLOCKS, FOOT = 80, 3, 45
 SPREAD = np.array([0.1, 0.1, 20.0])
 
 
-def feet(*, grey: tuple[int, int], steps: tuple[bool, bool] = (False, False)) -> list[int]:
+def feet(
+    *, grey: tuple[int, int], steps: tuple[bool, bool] = (False, False), lowest: int = ROWS - 1
+) -> list[int]:
     """Of a picture that is alike above the foot and alike below it: (above, below)."""
     size = (ROWS, BLOCKS * BLOCK_PX)
     levels, marks = np.empty(size, np.uint8), np.empty(size, np.uint8)
@@ -26,9 +28,8 @@ def feet(*, grey: tuple[int, int], steps: tuple[bool, bool] = (False, False)) ->
     dense = np.zeros(size, np.uint8)
     dense[: FOOT + 2] = 255
     limit, windows = np.full(ROWS, ROWS, np.int32), np.full(ROWS, 12, np.int32)
-    found = np.empty(BLOCKS, np.int32)
-    lowest = np.full(len(found), dense.shape[0] - 1, np.int32)
-    feet_of(dense, sums, 0, limit, windows, SPREAD, lowest, found)
+    found = np.full(BLOCKS, FOOT + 20, np.int32)
+    feet_of(dense, sums, 0, limit, windows, SPREAD, np.full(BLOCKS, lowest, np.int32), found)
     return [int(one) for one in found]
 
 
@@ -53,6 +54,11 @@ def test_sums_run_from_the_top_block_by_block() -> None:
         each = plane[:, : blocks * BLOCK_PX].reshape(ROWS, blocks, BLOCK_PX).sum(2)
         assert np.array_equal(found[1:], each.cumsum(0))
         assert not found[0].any()
+
+
+def test_a_foot_is_looked_for_above_what_was_looked_past_alone() -> None:
+    assert max(feet(grey=(200, 90), lowest=FOOT - 10)) <= FOOT - 10
+    assert feet(grey=(200, 90), lowest=-1) == [FOOT + 20] * BLOCKS, "nothing was"
 
 
 def runs(picture: NDArray[np.uint8], top: int = 20, bottom: int = 70) -> list[float]:

@@ -457,6 +457,19 @@ def test_a_swath_before_a_mast_is_no_crop_at_the_blade(
     assert views[-1].crop_ahead_m == pytest.approx(gap_m, abs=0.3)
 
 
+@pytest.mark.parametrize("height_m", [0.3, 0.4, 0.5])
+@pytest.mark.parametrize("ahead_m", [0.0, 0.3])
+def test_crop_that_is_much_lower_than_was_told_is_no_swath(ahead_m: float, height_m: float) -> None:
+    """It is upright, though no more of it stands than a swath is wide."""
+    picture = field(MAST, right_m=-2.99, face_x_m=30, next_crop_m=None).copy()
+    rng = np.random.default_rng(0)
+    feet = np.column_stack([1.5 + ahead_m + 0.2 * rng.random(4000), rng.uniform(-0.45, 3, 4000)])
+    stems(picture, Camera(MAST), feet, height_m, rng)
+    view = make_detector("robust", Vehicle(crop_height_m=0.9), MAST).see(picture)
+    assert view.ahead_confidence >= 0.5
+    assert view.crop_ahead_m == pytest.approx(ahead_m, abs=0.25)
+
+
 @pytest.mark.parametrize("ahead_m", [0.0, 0.3])
 def test_crop_right_behind_a_swath_is_not_looked_past(ahead_m: float) -> None:
     eye = detector("robust", MAST)
