@@ -389,7 +389,7 @@ def _drive(run: Drive, machine: _Machine) -> None:
         if run.keeper is not None:
             run.keeper.close(pilot)
             if pilot.phase is not Phase.FINISHED:
-                screen.say(f"to go on: the same command with --resume {run.keeper.path}")
+                screen.say(run.keeper.to_go_on)
         _report(run, screen)
 
 
