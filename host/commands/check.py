@@ -45,6 +45,7 @@ from host.sensors.camera_stream import Picture, camera_feed
 from host.sensors.gyro import gyro_of
 from host.sensors.newest import Feed
 from host.sensors.nmea import gnss_feed
+from host.tune.follow_margins import check_steady
 from host.vision.mounted.detector import Mode
 from host.vision.mounted.in_view import seeing_mount
 
@@ -199,6 +200,7 @@ def check(
 
     Exits with 0 when every line is well."""
     machine = load_vehicle(vehicle)
+    check_steady(machine)
     mounted = seeing_mount(machine, mount)
     check_port(port)
     field = load_field(boundary, chosen) if boundary is not None else None

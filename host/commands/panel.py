@@ -35,6 +35,7 @@ from host.runs.ready import make_ready_visibly
 from host.sensors.camera_stream import camera_feed
 from host.sensors.gyro import gyro_of
 from host.sensors.nmea import gnss_feed
+from host.tune.follow_margins import check_steady
 from host.vision.mounted.in_view import seeing_mount
 
 
@@ -89,6 +90,7 @@ def panel(
 
     Open the printed address in a browser. Ctrl-C stops the machine and ends."""
     machine = load_vehicle(vehicle)
+    check_steady(machine)
     seeing_mount(machine, mount)
     _check_devices(port, camera, gnss, gyro)
     if boundary is not None:
