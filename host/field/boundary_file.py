@@ -70,6 +70,13 @@ LEFT_OUT = "left_out"
 """and the one that keeps what another file had inside it."""
 MOST_SIGMA_M = 100.0
 """A larger one is no field's: a slip of the pen."""
+COARSE: Final = range(5)
+"""Decimals of a degree that are too few for a field's corners; 5 err by 0.3 m (standard deviation),
+less than UNKNOWN_SIGMA_M."""
+SAME = 1e-9
+"""Degrees, a tenth of a millimetre: what arithmetic leaves of a rounded number."""
+DEGREE_M = 111_320.0
+"""Of latitude, and of longitude at the equator."""
 GEOJSON_DIGITS = 11
 """Decimals of a degree: GDAL may take the last three for a rounding error."""
 SUFFIXES = ".geojson, .kml, .kmz, .shp, .xml (ISOXML), .zip, .gpx, .csv"
@@ -109,7 +116,8 @@ class Boundary:
     @property
     def doubts(self) -> list[str]:
         """What the machine will not be able to do with it, in words."""
-        return [*([self.not_kept_out] if self.not_kept_out else []), *self._short_edges]
+        named = [self.not_kept_out] if self.not_kept_out else []
+        return [*named, *self._rounded, *self._short_edges]
 
     @property
     def not_kept_out(self) -> str:
@@ -120,6 +128,19 @@ class Boundary:
             f"the file has in the field, and not as a keep-out: {self.left_out}. The machine "
             "drives over what stands there; draw a polygon around it that lies inside the field"
         )
+
+    @property
+    def _rounded(self) -> list[str]:
+        places = np.array(self.crop)
+        digits = [k for k in COARSE if np.allclose(places, places.round(k), 0, SAME)]
+        if not digits or self.sigma_m is not None:
+            return []
+        off_m = DEGREE_M * 10.0 ** -digits[0] / 2
+        return [
+            f"its corners have {digits[0]} decimals of a degree: each is off by up to "
+            f"{off_m:.0f} m, and the machine knows its place no better. Save the field with 6 "
+            "decimals or more, or survey it with the phone"
+        ]
 
     @property
     def _short_edges(self) -> list[str]:
@@ -460,6 +481,9 @@ def _read_shapefile(path: Path) -> list[Shape]:
     with path.open("rb") as file:
         if file.read(len(SHP_MAGIC)) != SHP_MAGIC:
             raise UserError("it is no Shapefile")
+    beside = {each.name.casefold() for each in path.parent.iterdir()}
+    if path.with_suffix(".shx").name.casefold() not in beside:
+        raise UserError("its .shx file is missing; copy all files of the Shapefile's name")
     return _read_gdal(path)
 
 

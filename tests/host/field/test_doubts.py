@@ -1,8 +1,10 @@
-"""Facts about what a field's file has inside the field and not as a keep-out."""
+"""Facts about what a field's file leaves in doubt: what lies in the field and is no keep-out, and
+numbers that were rounded."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -148,3 +150,19 @@ def test_it_is_kept_with_the_field(tmp_path: Path) -> None:
     crop = tuple(FRAME.to_wgs84(*place) for place in FIELD)
     save_field(path := tmp_path / "field.geojson", Boundary(crop, left_out="'well' (Point)"))
     assert load_field(path).left_out == "'well' (Point)"
+
+
+@pytest.mark.parametrize(
+    ("digits", "off"), [(3, "up to 56 m"), (4, "up to 6 m"), (5, ""), (6, ""), (7, "")]
+)
+def test_corners_that_were_rounded_to_metres_are_told(
+    tmp_path: Path, digits: int, off: str
+) -> None:
+    square = [(0.0003, 0.0003), (0.0059, 0.0003), (0.0059, 0.0044), (0.0003, 0.0044)]
+    lines = [f"{31.5112368 + y:.{digits}f},{74.3112392 + x:.{digits}f}\n" for x, y in square]
+    (path := tmp_path / "field.csv").write_text("".join(lines))
+    doubts = load_field(path).doubts
+    assert len(doubts) == bool(off)
+    assert all(f"{digits} decimals" in doubt and off in doubt for doubt in doubts)
+    save_field(known := tmp_path / "known.geojson", replace(load_field(path), sigma_m=0.2))
+    assert load_field(known).doubts == [], "somebody has said how surely they are known"
