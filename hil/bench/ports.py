@@ -55,7 +55,7 @@ class PseudoTerminal:
         if link is not None and link.is_symlink() and link.exists():
             raise UserError(
                 f"{link} leads to {link.readlink()} already, perhaps another rig's port; end that "
-                "rig, or give another --link"
+                "rig, remove the link or give another --link"
             )
         self._master, self._slave = pty.openpty()  # the slave stays open: hosts come and go
         tty.setraw(self._slave)
