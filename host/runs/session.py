@@ -371,21 +371,24 @@ def _keeper(machine: _Machine, errand: Errand, path: Path | None = None) -> Keep
 
 def _drive(run: Drive, machine: _Machine) -> None:
     """One start, until the pilot is done. FaultError where a device was lost."""
-    pilot, screen = run.pilot, machine.screen
+    pilot, screen, held = run.pilot, machine.screen, False
     try:
         with screen.open():
             try:
                 run.run(screen.show)
             finally:
-                held = False
                 with contextlib.suppress(UserError):
                     held = halt(machine.link, machine.clock)
                 run.stopped()
                 screen.last(run)
-        screen.say("stopped: the firmware confirms" if held else "STOP is not confirmed")
     except UserError as error:
         raise FaultError(str(error)) from error
-    finally:
+    finally:  # after Ctrl-C, too: whoever stands beside it has to know
+        screen.say(
+            "stopped: the firmware confirms"
+            if held
+            else "STOP is not confirmed: press the emergency stop"
+        )
         if run.keeper is not None:
             run.keeper.close(pilot)
             if pilot.phase is not Phase.FINISHED:

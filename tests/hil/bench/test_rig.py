@@ -429,7 +429,8 @@ def summary_of(out: Path) -> dict[str, Any]:
 @needs_firmware
 @pytest.mark.wallclock
 def test_drive_follows_an_edge_of_10_m_takes_the_turn_and_stops_at_ctrl_c(tmp_path: Path) -> None:
-    with a_rig(tmp_path, "--duration", "120") as (_, about):
+    field = ("--set", "field.size_m=[10, 10]")
+    with a_rig(tmp_path, "--duration", "120", *field) as (_, about):
         host = drive(about, tmp_path / "drive.mcap")
         assert host.stdout is not None
         phases: list[str] = []
