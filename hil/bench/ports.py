@@ -50,11 +50,18 @@ class PseudoTerminal:
     """A port that pyserial opens by its name."""
 
     def __init__(self, link: Path | None = None) -> None:
-        """`link`: a symbolic link to keep at the same name from run to run."""
+        """`link`: a symbolic link to keep at the same name from run to run. UserError where one is
+        there that leads somewhere: to another rig's port, or to what it is a link of."""
+        if link is not None and link.is_symlink() and link.exists():
+            raise UserError(
+                f"{link} leads to {link.readlink()} already, perhaps another rig's port; end that "
+                "rig, remove the link or give another --link"
+            )
         self._master, self._slave = pty.openpty()  # the slave stays open: hosts come and go
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
         self.name = os.ttyname(self._slave)
+        self._pts = self.name
         self._link = link
         if link is not None:
             try:
@@ -75,8 +82,9 @@ class PseudoTerminal:
             os.write(self._master, data)
 
     def close(self) -> None:
-        if self._link is not None:
-            self._link.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            if self._link is not None and str(self._link.readlink()) == self._pts:
+                self._link.unlink()
         os.close(self._master)
         os.close(self._slave)
 

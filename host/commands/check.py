@@ -33,7 +33,7 @@ from host.core.messages import Command, Fix, Telemetry, Turned
 from host.core.number_range import WholeRange
 from host.core.terminal import echo
 from host.core.vehicle import Mount, Vehicle
-from host.core.vehicle_file import load_vehicle, mount_of
+from host.core.vehicle_file import load_vehicle
 from host.field.boundary_file import load_field
 from host.link import protocol
 from host.link.port import check_port
@@ -45,7 +45,9 @@ from host.sensors.camera_stream import Picture, camera_feed
 from host.sensors.gyro import gyro_of
 from host.sensors.newest import Feed
 from host.sensors.nmea import gnss_feed
+from host.tune.follow_margins import check_steady
 from host.vision.mounted.detector import Mode
+from host.vision.mounted.in_view import seeing_mount
 
 MARKS: Final = {"ok": "✓", "bad": "✗", "warn": "!", "skipped": "–"}
 
@@ -198,7 +200,8 @@ def check(
 
     Exits with 0 when every line is well."""
     machine = load_vehicle(vehicle)
-    mounted = mount_of(machine, mount)
+    check_steady(machine)
+    mounted = seeing_mount(machine, mount)
     check_port(port)
     field = load_field(boundary, chosen) if boundary is not None else None
     chosen_corner(field, boundary, corner or None, gap, inset, None)

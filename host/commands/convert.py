@@ -24,3 +24,5 @@ def convert(source: Path, target: Path, chosen: str) -> None:
         f"{target}: {boundary.name or 'field'}, {len(boundary.crop)} corners, "
         f"{len(boundary.keep_outs)} keep-outs, {boundary.polygon(boundary.frame).area:.0f} m2"
     )
+    if boundary.not_kept_out:
+        echo(f"warning: {boundary.not_kept_out}")

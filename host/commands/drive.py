@@ -19,7 +19,9 @@ from host.commands.options import (
     vehicle_option,
 )
 from host.core.number_range import NumberRange, WholeRange
+from host.core.vehicle_file import load_vehicle
 from host.runs.session import Order, harvest
+from host.tune.follow_margins import check_steady
 from host.vision.mounted.detector import Mode
 from host.vision.tuning.profiles import DATABASE
 
@@ -99,6 +101,7 @@ def drive(
 
     Enter pauses and goes on, Ctrl-C stops at once. Exits with 0 when the field is finished, 2 where
     it could not start, 4 when a fault ended the run, 130 after Ctrl-C."""
+    check_steady(load_vehicle(vehicle))
     harvest(
         Order(
             port=port,

@@ -22,7 +22,7 @@ from host.commands.options import (
 from host.core.errors import UserError
 from host.core.number_range import WholeRange
 from host.core.terminal import echo
-from host.core.vehicle_file import load_vehicle, mount_of
+from host.core.vehicle_file import load_vehicle
 from host.field.boundary_file import load_field
 from host.link.port import check_address, check_port
 from host.panel.fields import FieldDesk
@@ -35,6 +35,8 @@ from host.runs.ready import make_ready_visibly
 from host.sensors.camera_stream import camera_feed
 from host.sensors.gyro import gyro_of
 from host.sensors.nmea import gnss_feed
+from host.tune.follow_margins import check_steady
+from host.vision.mounted.in_view import seeing_mount
 
 
 @click.command()
@@ -88,7 +90,8 @@ def panel(
 
     Open the printed address in a browser. Ctrl-C stops the machine and ends."""
     machine = load_vehicle(vehicle)
-    mount_of(machine, mount)
+    check_steady(machine)
+    seeing_mount(machine, mount)
     _check_devices(port, camera, gnss, gyro)
     if boundary is not None:
         field = load_field(boundary, chosen)

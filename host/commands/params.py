@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import click
@@ -163,6 +163,7 @@ def load(path: Path, keep: bool, port: str) -> None:
             save(link)
     for name, value in changes.items():
         echo(f"{name}: {held[name]:g} -> {value:g}")
+    _say_missing(path, held, wanted)
     how = "saved" if keep else "not saved: lost at the next reset (`daranti params save`)"
     echo(f"{len(changes)} of {len(wanted)} changed; {how}")
 
@@ -178,9 +179,14 @@ def diff(path: Path, port: str) -> None:
     found = [name for name, value in wanted.items() if differs(name, held[name], value)]
     for name in found:
         echo(f"{name}: {held[name]:g} in the firmware, {wanted[name]:g} in {path}")
-    missing = [name for name in held if name not in wanted]
-    if missing:
-        echo(f"not in {path}: {', '.join(missing)}")
+    _say_missing(path, held, wanted)
     if found:
         raise UnfinishedError(f"{len(found)} of {len(wanted)} parameters differ")
     echo("the same")
+
+
+def _say_missing(path: Path, held: Mapping[str, float], wanted: Mapping[str, float]) -> None:
+    """A file that was cut off has whole lines, too."""
+    missing = [name for name in held if name not in wanted]
+    if missing:
+        echo(f"not in {path}: {', '.join(missing)}")

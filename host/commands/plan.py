@@ -203,16 +203,14 @@ def _keep_parts(
     for number, ring in enumerate(shown.plan.parts, start=1):
         part = shapely.Polygon(ring)
         rest = stem.with_name(f"{stem.name}.part{number}.geojson")
-        save_field(
-            rest,
-            boundary_of(
-                part,
-                boundary.frame,
-                f"{name}, part {number}",
-                boundary.sigma_m,
-                shown.plan.recorded,
-            ),
+        field = boundary_of(
+            part,
+            boundary.frame,
+            f"{name}, part {number}",
+            boundary.sigma_m,
+            shown.plan.recorded,
         )
+        save_field(rest, replace(field, left_out=boundary.left_out))
         console.print(
             f"the field parts: {part.area:.0f} m2 are left that no turn leads to; harvest them "
             f"after the rest, as a field of their own: {rest}"

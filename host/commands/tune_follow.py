@@ -17,6 +17,7 @@ from host.tune.follow_margins import (
     LAWS,
     PHASE_DEG,
     SPEEDS_MPS,
+    at_cutting_speed,
     gains,
     margins,
     opened,
@@ -58,9 +59,7 @@ def follow(path: Path | None) -> None:
         f"steering lag {vehicle.steer_lag_s:g} s, dead time {DEAD_TIME_S:g} s"
     )
     console.print_table(table_of(vehicle))
-    speed = vehicle.cutting_speed_mps
-    feedback = gains(vehicle.steering_law, speed, vehicle)
-    found = margins(opened(feedback, speed, vehicle.steer_lag_s), speed)
+    speed, found = vehicle.cutting_speed_mps, at_cutting_speed(vehicle)
     console.print(
         f"this machine: {vehicle.steering_law} at {speed:g} m/s, phase margin "
         f"{found.phase_deg:.0f}°"

@@ -116,6 +116,22 @@ class Vehicle(Strict):
                 f"overlap_m {self.overlap_m:g} is more than half of blade_width_m "
                 f"{self.blade_width_m:g}: nothing would be cut"
             )
+        if self.half_width_m > self.blade_width_m / 2:
+            raise ValueError(
+                f"half_width_m {self.half_width_m:g} is more than half of blade_width_m "
+                f"{self.blade_width_m:g}: the wheels would roll crop down. It is measured from the "
+                "machine's middle to the outside of its wheels"
+            )
+        if self.blade_x_m <= 0:
+            raise ValueError(
+                f"blade_ahead_m {self.blade_ahead_m:g} puts the blade behind the rear axle: the "
+                "wheels would roll crop down. It is measured from the front axle, forward"
+            )
+        if self.blade_height_m >= self.crop_height_m:
+            raise ValueError(
+                f"blade_height_m {self.blade_height_m:g} is not below crop_height_m "
+                f"{self.crop_height_m:g}: nothing would be cut"
+            )
         return self
 
     def duty_speed(self, duty: int, battery_v: float) -> float:

@@ -91,15 +91,15 @@ def areas_of(
         for hole in field.interiors
     )
     crop = outline.buffer(-inset_m, join_style="mitre").difference(shapely.union_all(grown))
+    causes = [f"an inset of {inset_m:g} m"] if inset_m > 0 else []
+    causes += [f"the keep-outs with {keep_out_margin_m:g} m around them"] if grown else []
+    cause, smaller = " and ".join(causes), ["choose a smaller inset"] if inset_m > 0 else []
     if crop.is_empty:
-        raise UserError(
-            f"with an inset of {inset_m:g} m nothing is left to cut; choose a smaller one"
-        )
+        remedy = " or ".join([*smaller, *(["correct the keep-outs"] if grown else [])])
+        raise UserError(f"with {cause} nothing is left to cut; {remedy}")
     if not isinstance(crop, shapely.Polygon):
-        raise UserError(
-            f"an inset of {inset_m:g} m and the keep-outs part the crop into {len(crop.geoms)} "
-            "pieces; choose a smaller inset or survey the pieces as fields of their own"
-        )
+        remedy = " or ".join([*smaller, "survey the pieces as fields of their own"])
+        raise UserError(f"{cause} part the crop into {len(crop.geoms)} pieces; {remedy}")
     permitted = None
     if gap_m is not None:
         permitted = shapely.Polygon(outline.buffer(gap_m - margin_m, join_style="mitre").exterior)

@@ -44,7 +44,7 @@ from host.core.terminal import plain
 from host.field import archive, isoxml_file
 from host.field.corners import steerable
 from host.field.gpx_file import UNREADABLE_XML, bare, read_rings
-from host.field.shapes import MIN_AREA_M2, Shape, area_m2, chosen
+from host.field.shapes import MIN_AREA_M2, Shape, area_m2, chosen, parts_of, shape_of
 
 MAX_AROUND_M = 20_000.0
 """A field's length around, of a square of 25 km²: longer ones are a slip in the file."""
@@ -65,9 +65,18 @@ MOST_SHORT: Final = 4
 SIGMA = "sigma_m"
 """The property of a GeoJSON feature that says it,"""
 RECORDED = "recorded"
-"""and the one that says whether it was recorded point by point."""
+"""and the one that says whether it was recorded point by point,"""
+LEFT_OUT = "left_out"
+"""and the one that keeps what another file had inside it."""
 MOST_SIGMA_M = 100.0
 """A larger one is no field's: a slip of the pen."""
+COARSE: Final = range(5)
+"""Decimals of a degree that are too few for a field's corners; 5 err by 0.3 m (standard deviation),
+less than UNKNOWN_SIGMA_M."""
+SAME = 1e-9
+"""Degrees, a tenth of a millimetre: what arithmetic leaves of a rounded number."""
+DEGREE_M = 111_320.0
+"""Of latitude, and of longitude at the equator."""
 GEOJSON_DIGITS = 11
 """Decimals of a degree: GDAL may take the last three for a rounding error."""
 SUFFIXES = ".geojson, .kml, .kmz, .shp, .xml (ISOXML), .zip, .gpx, .csv"
@@ -78,7 +87,6 @@ SHAPEFILE = (".shx", ".dbf", ".prj", ".cpg")
 """What belongs to a .shp."""
 NO_DEGREES = "a corner is not a latitude and longitude in degrees"
 NO_UTF8 = "its text is not UTF-8; save it as UTF-8"
-DRAW = "draw the field's outline as a polygon"
 NAMES = ("name", "field_name", "fieldname", "field", "title", "id")
 """Properties that programs keep a field's name in, the surest first."""
 SHP_MAGIC = b"\x00\x00\x27\x0a"
@@ -96,6 +104,9 @@ class Boundary:
     recorded: bool | None = None
     """Whether it was recorded point by point, so that the crop's edge may bend between its corners;
     None: nobody has said it."""
+    left_out: str = ""
+    """What its file has inside it that is no keep-out, by name: a tree marked by a point, a pond
+    drawn across its edge."""
 
     @property
     def known_to_m(self) -> float:
@@ -105,6 +116,34 @@ class Boundary:
     @property
     def doubts(self) -> list[str]:
         """What the machine will not be able to do with it, in words."""
+        named = [self.not_kept_out] if self.not_kept_out else []
+        return [*named, *self._rounded, *self._short_edges]
+
+    @property
+    def not_kept_out(self) -> str:
+        """What may stand in the field without being a keep-out, in words; empty where nothing."""
+        if not self.left_out:
+            return ""
+        return (
+            f"the file has in the field, and not as a keep-out: {self.left_out}. The machine "
+            "drives over what stands there; draw a polygon around it that lies inside the field"
+        )
+
+    @property
+    def _rounded(self) -> list[str]:
+        places = np.array(self.crop)
+        digits = [k for k in COARSE if np.allclose(places, places.round(k), 0, SAME)]
+        if not digits or self.sigma_m is not None:
+            return []
+        off_m = DEGREE_M * 10.0 ** -digits[0] / 2
+        return [
+            f"its corners have {digits[0]} decimals of a degree: each is off by up to "
+            f"{off_m:.0f} m, and the machine knows its place no better. Save the field with 6 "
+            "decimals or more, or survey it with the phone"
+        ]
+
+    @property
+    def _short_edges(self) -> list[str]:
         recorded = [self.frame.to_local(*corner) for corner in self.crop]
         points = np.array(steerable(recorded, 0, self.known_to_m, self.recorded)[0])
         lengths = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
@@ -280,13 +319,14 @@ def _one(shapes: list[Shape], wanted: str, path: Path) -> Boundary:
             f"it lies at latitude {shape.polygon.exterior.coords[0][1]:.1f}, where no wheat grows: "
             "are its numbers swapped? Longitude comes first in GeoJSON and KML"
         )
-    return _checked(
+    boundary = _checked(
         [(y, x) for x, y, *_ in shape.polygon.exterior.coords],
         [[(y, x) for x, y, *_ in hole.coords] for hole in shape.polygon.interiors],
         shape.name or path.stem,
         shape.sigma_m,
         shape.recorded,
     )
+    return replace(boundary, left_out=plain(shape.left_out))
 
 
 def _mended(shape: Shape) -> Shape:
@@ -297,7 +337,7 @@ def _mended(shape: Shape) -> Shape:
     if outline.is_valid:
         return shape
     whole = shapely.make_valid(outline)
-    parts = _polygons(whole)
+    parts = [part for part in parts_of(whole) if isinstance(part, shapely.Polygon)]
     if not parts:
         return shape
     kept = shapely.Polygon(max(parts, key=lambda part: float(part.area)).exterior)
@@ -314,16 +354,8 @@ def _is_json(path: Path) -> bool:
         return file.read(64).lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{")
 
 
-def _polygons(geometry: shapely.Geometry | None) -> list[shapely.Polygon]:
-    if isinstance(geometry, shapely.Polygon):
-        return [] if geometry.is_empty else [geometry]
-    if isinstance(geometry, shapely.MultiPolygon | shapely.GeometryCollection):
-        return [polygon for part in geometry.geoms for polygon in _polygons(part)]
-    return []
-
-
 def _read_geojson(path: Path) -> list[Shape]:
-    """Every polygon of its features; lines and points beside them mean nothing here."""
+    """Every polygon of its features, and the lines and points beside them."""
     try:
         data = json.loads(path.read_bytes(), parse_constant=_no_number)
     except UnicodeDecodeError as error:
@@ -336,7 +368,7 @@ def _read_geojson(path: Path) -> list[Shape]:
     if not isinstance(features, list):
         raise UserError("it is not GeoJSON: its features are no list")
     shapes: list[Shape] = []
-    kinds: set[str] = set()
+    crs = _crs(data)
     for feature in features:
         if not isinstance(feature, dict):
             raise UserError("it is not GeoJSON: a feature is no object")
@@ -356,16 +388,15 @@ def _read_geojson(path: Path) -> list[Shape]:
             raise UserError(
                 f"its format is not understood ({type(error).__name__}: {error}); use {SUFFIXES}"
             ) from error
-        if not made.is_empty:
-            kinds.add(made.geom_type)
         name = _name(feature.get("properties")) if whole else ""
         sigma_m = _sigma(feature.get("properties")) if whole else None
         recorded = _recorded(feature.get("properties")) if whole else None
-        shapes += [Shape(polygon, name, sigma_m, recorded) for polygon in _polygons(made)]
-    if kinds and not shapes:
-        raise UserError(f"its type is {', '.join(sorted(kinds))}, not Polygon; {DRAW}")
-    polygons = _to_wgs84([shape.polygon for shape in shapes], _crs(data))
-    return [replace(shape, polygon=p) for p, shape in zip(polygons, shapes, strict=True)]
+        left_out = _left_out(feature.get("properties")) if whole else ""
+        shapes += [
+            replace(shape_of(part, name), sigma_m=sigma_m, recorded=recorded, left_out=left_out)
+            for part in _to_wgs84(parts_of(made), crs)
+        ]
+    return shapes
 
 
 def _no_number(name: str) -> NoReturn:
@@ -412,6 +443,12 @@ def _recorded(properties: Any) -> bool | None:
     raise UserError(f"its {RECORDED} is {value!r}; give true or false")
 
 
+def _left_out(properties: Any) -> str:
+    """Of a feature: what its file had inside it before."""
+    value = properties.get(LEFT_OUT) if isinstance(properties, dict) else None
+    return value if isinstance(value, str) else ""
+
+
 def _crs(data: dict[str, Any]) -> str:
     """GeoJSON of before 2016 may name a coordinate system."""
     crs = data.get("crs")
@@ -444,13 +481,15 @@ def _read_shapefile(path: Path) -> list[Shape]:
     with path.open("rb") as file:
         if file.read(len(SHP_MAGIC)) != SHP_MAGIC:
             raise UserError("it is no Shapefile")
+    beside = {each.name.casefold() for each in path.parent.iterdir()}
+    if path.with_suffix(".shx").name.casefold() not in beside:
+        raise UserError("its .shx file is missing; copy all files of the Shapefile's name")
     return _read_gdal(path)
 
 
 def _read_gdal(source: Path | bytes) -> list[Shape]:
-    """Every polygon of every layer."""
+    """Every polygon of every layer, and the lines and points beside them."""
     shapes: list[Shape] = []
-    kinds: set[str] = set()
     try:
         # By number: two layers may share a name, and GDAL makes one up anew at each reading.
         for layer in range(len(pyogrio.list_layers(source))):
@@ -458,21 +497,18 @@ def _read_gdal(source: Path | bytes) -> list[Shape]:
                 warnings.simplefilter("ignore")  # what GDAL doubts is judged with the polygons
                 meta, _, wkb, columns = pyogrio.raw.read(source, layer=layer, force_2d=True)
             geometries = shapely.from_wkb(wkb) if wkb is not None else []
-            kinds |= {each.geom_type for each in geometries if each and not each.is_empty}
             for k, geometry in enumerate(geometries):
-                if found := _polygons(geometry):
+                if found := parts_of(geometry):
                     row = [column[k : k + 1].tolist()[0] for column in columns]
                     name = _name(dict(zip(meta["fields"], row, strict=True)))
-                    shapes += [Shape(each, name) for each in _to_wgs84(found, meta["crs"])]
+                    shapes += [shape_of(each, name) for each in _to_wgs84(found, meta["crs"])]
     except (RuntimeError, ValueError) as error:
         reason = str(error).split("; ")[0].replace("\n", " ")
         raise UserError(f"its format is not understood ({reason}); use {SUFFIXES}") from error
-    if kinds and not shapes:
-        raise UserError(f"its type is {', '.join(sorted(kinds))}, not Polygon; {DRAW}")
     return shapes
 
 
-def _to_wgs84(polygons: list[shapely.Polygon], crs: str | None) -> list[shapely.Polygon]:
+def _to_wgs84(shapes: list[shapely.Geometry], crs: str | None) -> list[shapely.Geometry]:
     """To (longitude, latitude) of WGS 84."""
     if crs is None:
         raise UserError(
@@ -486,7 +522,7 @@ def _to_wgs84(polygons: list[shapely.Polygon], crs: str | None) -> list[shapely.
     def convert(places: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.column_stack(transformer.transform(*places.T))
 
-    return list(shapely.transform(polygons, convert))
+    return list(shapely.transform(shapes, convert))
 
 
 def _degrees(boundary: Boundary) -> shapely.Polygon:
@@ -513,6 +549,9 @@ def _write_gdal(path: Path, boundary: Boundary) -> None:
     if driver == "GeoJSON" and boundary.recorded is not None:
         fields.append(RECORDED)
         values.append(np.array([boundary.recorded]))
+    if driver == "GeoJSON" and boundary.left_out:
+        fields.append(LEFT_OUT)
+        values.append(np.array([boundary.left_out], dtype=object))
     pyogrio.raw.write(
         path,
         geometry=np.array([shapely.to_wkb(polygon)], dtype=object),

@@ -17,7 +17,7 @@ from gpxpy.geo import haversine_distance
 
 from host.core.errors import UserError
 from host.core.messages import Fix
-from host.field.shapes import Shape
+from host.field.shapes import Shape, shape_of
 
 FIX_S = 1.0
 """Between fixes of a survey, as a receiver sends them."""
@@ -60,7 +60,7 @@ def _check(points: Sequence[gpxpy.gpx.GPXTrackPoint | gpxpy.gpx.GPXRoutePoint]) 
 
 
 def read_rings(path: Path) -> list[Shape]:
-    """Every track segment and route of three corners or more, as a ring."""
+    """Every track segment and route of three corners or more, as a ring, and the waypoints."""
     gpx = _parsed(path)
     ways: list[tuple[str | None, Sequence[gpxpy.gpx.GPXTrackPoint | gpxpy.gpx.GPXRoutePoint]]]
     ways = [(route.name, route.points) for route in gpx.routes]
@@ -76,7 +76,10 @@ def read_rings(path: Path) -> list[Shape]:
         raise UserError("it holds no track or route around a field")
     if len(shapes) == 1 and not shapes[0].polygon.is_valid:
         raise UserError("its track crosses itself; `daranti survey` makes a boundary of a walk")
-    return shapes
+    marked = [
+        (point.name, shapely.Point(point.longitude, point.latitude)) for point in gpx.waypoints
+    ]
+    return [*shapes, *(shape_of(place, name or "") for name, place in marked)]
 
 
 def read_fixes(path: Path) -> tuple[list[Fix], int]:

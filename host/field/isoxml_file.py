@@ -8,7 +8,8 @@ follow entities, and its reader of .zip unpacks whatever it finds.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from decimal import Decimal
 from pathlib import Path
 from types import ModuleType
@@ -35,6 +36,12 @@ BOUNDARY = "1"
 OBSTACLES = ("3", "4", "6")
 """PolygonType: water surface, building, obstacle."""
 EXTERIOR, INTERIOR = "1", "2"
+MARKING_POLYGONS = ("7", "8", "12")
+"""PolygonType: flag, other, windbreak: it may stand in the way, and reaches over the edge."""
+MARKING_LINES = ("7", "8", "9")
+"""LineStringType: fence, flag, obstacle."""
+MARKING_POINTS = ("1", "2", "5")
+"""PointType: flag, other, obstacle."""
 DESIGNATOR = 32
 """Characters that a name may have."""
 
@@ -117,7 +124,21 @@ def _shapes(main: bytes, content: Files) -> list[Shape]:
     found = [shape for partfield in partfields if (shape := _shape(partfield)) is not None]
     if not found:
         raise UserError("no partfield (PFD) in it has a boundary (PLN of type 1)")
-    return found
+    return [*found, *(mark for partfield in partfields for mark in _marks(partfield))]
+
+
+def _marks(partfield: Any) -> Iterator[Shape]:
+    """What marks something in a partfield, and is no keep-out."""
+    areas = [pln for pln in partfield.polygons if _type(pln) in MARKING_POLYGONS]
+    lines = [line for line in partfield.line_strings if _type(line) in MARKING_LINES]
+    marks = [(pln, line.points) for pln in areas for line in pln.line_strings]
+    marks += [(line, line.points) for line in lines]
+    marks += [(pnt, [pnt]) for pnt in partfield.points if _type(pnt) in MARKING_POINTS]
+    for what, points in marks:
+        with suppress(UserError):  # without numbers it is nowhere
+            places = _places(points)
+            shape = shapely.LineString(places) if len(places) > 1 else shapely.Point(*places)
+            yield Shape(shapely.Polygon(), str(what.designator or ""), mark=shape)
 
 
 def _shape(partfield: Any) -> Shape | None:
@@ -159,7 +180,12 @@ def _type(element: Any) -> str:
 
 def _ring(line: Any) -> list[tuple[float, float]]:
     """(longitude, latitude) of its points."""
-    points = [(point.east, point.north) for point in line.points]
+    return _places(line.points)
+
+
+def _places(found: Iterable[Any]) -> list[tuple[float, float]]:
+    """(longitude, latitude) of points."""
+    points = [(point.east, point.north) for point in found]
     if not all(
         isinstance(value, Decimal) and value.is_finite() for pair in points for value in pair
     ):

@@ -14,6 +14,10 @@ from host.core.frames import LocalFrame
 
 MIN_AREA_M2 = 1.0
 """Less is no field: a slip of the hand, or degrees that were taken for metres."""
+REACHES_IN = 0.1
+"""Share of a small polygon that lies in a field: with less it stands beside it, drawn inexactly."""
+MOST_NAMED = 5
+"""Of what a field does not take from its file, in a message."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,12 +32,35 @@ class Shape:
     """Whether it was recorded point by point, where the file says it."""
     fault: str = ""
     """Why nobody can use it; its polygon is empty then."""
+    mark: shapely.Geometry | None = None
+    """A point, a line or the like that the file has, and no field; its polygon is empty then."""
+    left_out: str = ""
+    """What lies in the field besides its keep-outs, and nobody minds, by name."""
 
 
-def chosen(shapes: Sequence[Shape], wanted: str = "") -> Shape:
+def shape_of(geometry: shapely.Geometry, name: str = "") -> Shape:
+    """A polygon as it is, anything else as a mark."""
+    if isinstance(geometry, shapely.Polygon):
+        return Shape(geometry, name)
+    return Shape(shapely.Polygon(), name, mark=geometry)
+
+
+def parts_of(geometry: shapely.Geometry | None) -> list[shapely.Geometry]:
+    """The polygons, lines and points that a geometry is made of, not empty."""
+    if geometry is None or geometry.is_empty:
+        return []
+    if not hasattr(geometry, "geoms"):
+        return [geometry]
+    return [part for each in geometry.geoms for part in parts_of(each)]
+
+
+def chosen(found: Sequence[Shape], wanted: str = "") -> Shape:
     """One field: `wanted` by its name or number (from 1), or the only one that does not lie inside
     another; its holes are its own and the polygons inside it. A field that is there twice, as of
-    two seasons, is one. UserError where it is none, or one of several and none is named."""
+    two seasons, is one. What else lies in it is no keep-out, and said in `left_out`. UserError
+    where it is none, or one of several and none is named."""
+    marks = [shape for shape in found if shape.mark is not None]
+    shapes = [shape for shape in found if shape.mark is None]
     outlines = [shapely.make_valid(shapely.Polygon(shape.polygon.exterior)) for shape in shapes]
     outer = [
         k
@@ -43,7 +70,9 @@ def chosen(shapes: Sequence[Shape], wanted: str = "") -> Shape:
     large = [k for k in outer if shapes[k].fault or area_m2(outlines[k]) >= MIN_AREA_M2]
     outer = large or outer
     if not outer:
-        raise UserError("it holds no polygon; draw the field's outline as a polygon")
+        kinds = sorted({mark.mark.geom_type for mark in marks if mark.mark is not None})
+        what = f"its type is {', '.join(kinds)}, not Polygon" if kinds else "it holds no polygon"
+        raise UserError(f"{what}; draw the field's outline as a polygon")
     names = [shapes[k].name or f"field {number}" for number, k in enumerate(outer, start=1)]
     index = _index(names, wanted)
     own = outlines[outer[index]]
@@ -52,13 +81,34 @@ def chosen(shapes: Sequence[Shape], wanted: str = "") -> Shape:
     _check(
         [shape for shape, outline in zip(shapes, outlines, strict=True) if outline.intersects(own)]
     )
-    holes = list(shapes[outer[index]].polygon.interiors)
-    holes += [
-        outlines[k].exterior
-        for k in range(len(shapes))
-        if k not in outer and own.contains(outlines[k]) and not own.equals(outlines[k])
+    others = [k for k in range(len(shapes)) if not own.equals(outlines[k])]
+    inside = [k for k in others if k not in outer and own.contains(outlines[k])]
+    holes = [*shapes[outer[index]].polygon.interiors, *(outlines[k].exterior for k in inside)]
+    left_out = [shapes[k] for k in others if k not in inside and _reaches_in(outlines[k], own)]
+    left_out += [mark for mark in marks if shapely.relate_pattern(own, mark.mark, "T********")]
+    return replace(
+        shapes[outer[index]],
+        polygon=shapely.Polygon(own.exterior, holes),
+        left_out=", ".join(filter(None, [shapes[outer[index]].left_out, _named(left_out)])),
+    )
+
+
+def _reaches_in(other: shapely.Geometry, own: shapely.Polygon) -> bool:
+    """Whether so much of a polygon lies in a field that what it stands for may stand there."""
+    if not own.intersects(other):
+        return False
+    inside_m2 = area_m2(own.intersection(other))
+    return inside_m2 > min(MIN_AREA_M2, REACHES_IN * area_m2(other))
+
+
+def _named(shapes: Sequence[Shape]) -> str:
+    """Some of them, in words."""
+    said = [
+        f"{shape.name!r} ({(shape.mark or shape.polygon).geom_type})"
+        for shape in shapes[:MOST_NAMED]
     ]
-    return replace(shapes[outer[index]], polygon=shapely.Polygon(own.exterior, holes))
+    more = len(shapes) - len(said)
+    return ", ".join(said) + (f" and {more} more" if more else "")
 
 
 def _check(shapes: Sequence[Shape]) -> None:

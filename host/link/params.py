@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -30,7 +31,10 @@ def read(link: Link, spec: ParamSpec) -> float:
 
 
 def raw_of(spec: ParamSpec, value: float) -> int:
-    """The value as it goes over the wire. UserError where it is out of range."""
+    """The value as it goes over the wire. UserError where it is out of range, or lies between two
+    of a few kinds: what it was rounded to would be another bridge."""
+    if spec.scale == 1 and not spec.unit and math.isfinite(value) and not value.is_integer():
+        raise UserError(f"{spec.name} must be a whole number, not {value:g}")
     try:
         return spec.to_raw(value)
     except ValueError as error:
@@ -86,7 +90,7 @@ def read_file(path: Path) -> dict[str, float]:
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise UserError(f"parameters {path}: {name}: {value!r} is no number")
         try:
-            spec.to_raw(float(value))
-        except (ValueError, OverflowError) as error:
+            raw_of(spec, float(value))
+        except (UserError, OverflowError) as error:
             raise UserError(f"parameters {path}: {error}") from error
     return {name: float(value) for name, value in data.items()}

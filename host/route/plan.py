@@ -503,6 +503,11 @@ def strip_by_strip(
     field = ring.difference(shapely.unary_union(away)) if holes else ring
     if not isinstance(field, shapely.Polygon):
         raise UserError("boundary: the keep-outs part the field; survey its parts as fields")
+    if holes and field.area < MIN_STRIP_M2:
+        raise UserError(
+            f"boundary: the keep-outs, {KEEP_OUT_M:g} m around them too, leave nothing to cut; "
+            "check what is marked as a keep-out"
+        )
     best: tuple[_Rank, Plan] | None = None
 
     def fits(back_m: float) -> bool:

@@ -12,9 +12,11 @@ from __future__ import annotations
 
 import base64
 import contextlib
+import errno
 import itertools
 import json
 import math
+import shutil
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict
@@ -44,6 +46,11 @@ LARGEST = 64 * 1024 * 1024
 """Bytes of a chunk or a record in it; a picture takes a tenth of a megabyte."""
 DENSEST = 200
 """Times its bytes that a file may unpack to, beyond LARGEST; a record without pictures: 20."""
+SPARE_BYTES = 20e6
+"""Of a disk that a live run's record leaves free: the progress, some kilobytes, is what the next
+run needs."""
+ROOM_EVERY = 50
+"""Messages after which the disk is asked again: less than a second of a drive, a megabyte."""
 INFINITE = 1e9
 """Stands for infinity, which JSON does not have."""
 
@@ -178,7 +185,8 @@ class Recorder(contextlib.AbstractContextManager["Recorder"]):
     ) -> None:
         """`metadata` says what the run depends on; `tee(topic, nanoseconds, JSON)` gets every
         message as well. Raises UserError where the file cannot be written, later on too, but where
-        `lost` is given: that is told once, and the run goes on without its record."""
+        `lost` is given: that is told once, and the run goes on without its record. Then the record
+        ends before the disk is full."""
         self.path = path
         self._tee = tee
         self._lost = lost
@@ -216,6 +224,8 @@ class Recorder(contextlib.AbstractContextManager["Recorder"]):
         nanoseconds = max(0, round(stamp * 1e9))
         if not self._ended:
             try:
+                if self._lost is not None and self._sequence % ROOM_EVERY == 0:
+                    self._leave_room()
                 self._writer.add_message(channel, nanoseconds, data, nanoseconds, self._sequence)
                 self._file.flush()  # a chunk that is complete is on the disk
             except OSError as error:
@@ -291,10 +301,19 @@ class Recorder(contextlib.AbstractContextManager["Recorder"]):
         """Writes the index; without it the record is readable, only slower to seek in."""
         try:
             if not self._ended:
-                self._writer.finish()  # type: ignore[no-untyped-call]
-                self._file.close()
+                self._finish()
         except OSError as error:
             self._end(error)
+
+    def _finish(self) -> None:
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._file.close()
+
+    def _leave_room(self) -> None:
+        """OSError where the disk is all but full; the record is whole until here."""
+        if shutil.disk_usage(self.path.parent).free < SPARE_BYTES:
+            self._finish()
+            raise OSError(errno.ENOSPC, f"the disk has only {SPARE_BYTES / 1e6:.0f} MB left")
 
     def _end(self, error: OSError) -> None:
         self._ended = True

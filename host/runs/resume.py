@@ -233,6 +233,16 @@ class Keeper:
             self._write(self._now(pilot))
         self._writer.shutdown()
 
+    @property
+    def to_go_on(self) -> str:
+        """What to do to go on, in words, once it is closed."""
+        if self._failed:
+            return (
+                f"the end of this run could not be written, {self.path} tells an earlier place: do "
+                "not go on with it, begin anew on what still stands"
+            )
+        return f"to go on: the same command with --resume {self.path}"
+
     def _now(self, pilot: Pilot) -> Progress:
         state: dict[str, Any] = {
             "pose": pilot.position.pose if pilot.position.known else None,
@@ -276,3 +286,5 @@ class Keeper:
             if not self._failed:
                 self._failed = True
                 self._say(f"{error}: should the run end, it cannot be resumed")
+        else:
+            self._failed = False

@@ -18,7 +18,7 @@ import numpy as np
 from host.core.errors import FaultError, UserError
 from host.core.messages import Fix, Frame, State, Turned
 from host.core.vehicle import Mount, Vehicle
-from host.core.vehicle_file import load_vehicle, mount_of
+from host.core.vehicle_file import load_vehicle
 from host.field.boundary_file import Boundary, load_field
 from host.link import protocol
 from host.link.port import check_port
@@ -55,6 +55,7 @@ from host.sensors.gyro import gyro_of
 from host.sensors.newest import Feed
 from host.sensors.nmea import gnss_feed
 from host.vision.mounted.detector import Mode
+from host.vision.mounted.in_view import seeing_mount
 from host.vision.mounted.paper import PaperParams
 from host.vision.tuning.profiles import DATABASE
 from host.vision.watched import WatchedDetector, watched_detector
@@ -111,7 +112,7 @@ def _read(order: Order) -> _Given:
     saved = load(order.resume) if order.resume is not None else None
     corner = chosen_corner(field, order.boundary, order.corner, order.gap_m, order.inset_m, saved)
     check_port(order.port)
-    return _Given(vehicle, mount_of(vehicle, order.mount), field, saved, corner)
+    return _Given(vehicle, seeing_mount(vehicle, order.mount), field, saved, corner)
 
 
 @dataclass(frozen=True, slots=True)
@@ -370,25 +371,28 @@ def _keeper(machine: _Machine, errand: Errand, path: Path | None = None) -> Keep
 
 def _drive(run: Drive, machine: _Machine) -> None:
     """One start, until the pilot is done. FaultError where a device was lost."""
-    pilot, screen = run.pilot, machine.screen
+    pilot, screen, held = run.pilot, machine.screen, False
     try:
         with screen.open():
             try:
                 run.run(screen.show)
             finally:
-                held = False
                 with contextlib.suppress(UserError):
                     held = halt(machine.link, machine.clock)
                 run.stopped()
                 screen.last(run)
-        screen.say("stopped: the firmware confirms" if held else "STOP is not confirmed")
     except UserError as error:
         raise FaultError(str(error)) from error
-    finally:
+    finally:  # after Ctrl-C, too: whoever stands beside it has to know
+        screen.say(
+            "stopped: the firmware confirms"
+            if held
+            else "STOP is not confirmed: press the emergency stop"
+        )
         if run.keeper is not None:
             run.keeper.close(pilot)
             if pilot.phase is not Phase.FINISHED:
-                screen.say(f"to go on: the same command with --resume {run.keeper.path}")
+                screen.say(run.keeper.to_go_on)
         _report(run, screen)
 
 

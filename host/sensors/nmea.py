@@ -31,6 +31,11 @@ COMPANION_S = 0.3
 """How long GGA waits for the RMC of its epoch, or RMC for GGA: a phone sends them in one burst."""
 QUALITIES = range(9)
 """Of GGA: 0 none to 8 simulated."""
+NO_SATELLITES = range(6, 9)
+"""Of them: estimated, typed in, simulated. No satellite tells such a place, and nobody knows how
+far it is off."""
+NO_SATELLITES_RMC = ("E", "M", "S", "N")
+"""The same as RMC's mode, and none."""
 MAX_SENTENCE = 82
 """Characters from `$` to the line's end (NMEA 0183). Phones exceed it; thrice it is garbage."""
 NO_VTG = (math.nan, math.nan)
@@ -66,7 +71,8 @@ def _number(text: object) -> float:
 
 def _fix(epoch: _Epoch) -> Fix:
     """Merges an epoch. Raises ValueError where a field is not what NMEA allows."""
-    gga, rmc = epoch.gga, epoch.rmc
+    gga = epoch.gga
+    rmc = epoch.rmc if epoch.rmc is not None and _tells(epoch.rmc) else None
     quality, hdop, satellites = 0, math.nan, 0
     position = None
     if gga is not None:
@@ -75,12 +81,13 @@ def _fix(epoch: _Epoch) -> Fix:
         satellites = int(gga.num_sats or 0)
         if quality not in QUALITIES or satellites < 0 or hdop < 0:
             raise ValueError("a quality, a count or an HDOP that there is not")
+        quality = 0 if quality in NO_SATELLITES else quality
         position = gga
-    elif rmc is not None and rmc.status == "A":
+    elif rmc is not None:
         quality = 1
         position = rmc
     speed = course = None
-    if rmc is not None and rmc.status == "A":
+    if rmc is not None:
         if not math.isnan(knots := _number(rmc.spd_over_grnd)):
             speed = _finer_mps(knots, epoch.vtg)
         if not math.isnan(degrees := _number(rmc.true_course)):
@@ -95,6 +102,11 @@ def _fix(epoch: _Epoch) -> Fix:
     if not (abs(lat) <= 90 and abs(lon) <= 180):
         raise ValueError("position out of range")
     return Fix(epoch.stamp, lat, lon, quality, hdop, satellites, speed, course)
+
+
+def _tells(rmc: pynmea2.RMC) -> bool:
+    """Whether satellites tell what it says. The mode came with NMEA 2.3."""
+    return rmc.status == "A" and getattr(rmc, "mode_indicator", "") not in NO_SATELLITES_RMC
 
 
 def _finer_mps(knots: float, vtg: tuple[float, float]) -> float:

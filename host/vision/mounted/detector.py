@@ -23,6 +23,7 @@ from host.vision.mounted.face import (
     Face,
     FaceFinder,
 )
+from host.vision.mounted.in_view import check_view
 from host.vision.mounted.lens import LensWatch
 from host.vision.mounted.lying import AHEAD_M, LyingCrop
 from host.vision.mounted.paper import (
@@ -387,11 +388,13 @@ def make_detector(
     side: Literal["left"] = "left",
     params: PaperParams | None = None,
 ) -> MountedDetector:
-    """The detector of `mode` for a mount; `side` is where the crop stands, seen from the cut."""
+    """The detector of `mode` for a mount; `side` is where the crop stands, seen from the cut.
+    UserError where the mount cannot show it."""
     if side != "left":
         raise ValueError(f"side {side!r}: the machine keeps the standing crop to its left")
     scale = scale_of(mount)
     camera = Camera(scale.mount)
+    check_view(camera, vehicle)
     source: Source
     if mode == "paper":
         source = PaperSource(params or PaperParams(), camera, vehicle)

@@ -192,6 +192,31 @@ def test_the_link_keeps_its_name_and_goes_with_the_port(tmp_path: Path) -> None:
     assert not link.is_symlink()
 
 
+def test_a_link_that_leads_somewhere_stays_as_it_is(tmp_path: Path) -> None:
+    link = tmp_path / "ttyDARANTI"
+    near = PseudoTerminal(link)
+    with pytest.raises(UserError, match="perhaps another rig's port"):
+        PseudoTerminal(link)
+    assert str(link.readlink()).startswith("/dev/pts/")
+    near.close()
+    (tmp_path / "notes").write_text("mine")
+    link.symlink_to(tmp_path / "notes")
+    with pytest.raises(UserError, match="notes already"):
+        PseudoTerminal(link)
+    assert link.read_text() == "mine"
+
+
+def test_a_port_that_ends_leaves_another_ones_link_alone(tmp_path: Path) -> None:
+    link = tmp_path / "ttyDARANTI"
+    near = PseudoTerminal(link)
+    link.unlink()
+    other = PseudoTerminal(link)
+    near.close()
+    assert link.is_symlink()
+    other.close()
+    assert not link.is_symlink()
+
+
 def test_a_link_or_tcp_port_that_cannot_be_is_one_message() -> None:
     with pytest.raises(UserError, match="cannot link"):
         PseudoTerminal(Path("/no/such/folder/port"))
@@ -404,7 +429,8 @@ def summary_of(out: Path) -> dict[str, Any]:
 @needs_firmware
 @pytest.mark.wallclock
 def test_drive_follows_an_edge_of_10_m_takes_the_turn_and_stops_at_ctrl_c(tmp_path: Path) -> None:
-    with a_rig(tmp_path, "--duration", "120") as (_, about):
+    field = ("--set", "field.size_m=[10, 10]")
+    with a_rig(tmp_path, "--duration", "120", *field) as (_, about):
         host = drive(about, tmp_path / "drive.mcap")
         assert host.stdout is not None
         phases: list[str] = []

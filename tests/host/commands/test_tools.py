@@ -117,6 +117,7 @@ def test_parameters_go_to_a_file_and_back(cli: Cli, board: FakeFirmware, tmp_pat
         ("steer_kq: 1", "steer_kp"),
         ("- 1", "give lines"),
         ("steer_kp: 1000000000", "steer_kp"),
+        ("steer_driver: 1.5", "steer_driver must be a whole number, not 1.5"),
         ("a: [", "not YAML"),
         ("steer_kp: .nan", "steer_kp"),
     ],
@@ -129,6 +130,25 @@ def test_a_bad_file_of_parameters_is_one_message(
     assert code == EXIT_USER
     assert message in err
     assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("name", ["steer_driver", "drive_driver", "hall_phases"])
+def test_what_lies_between_two_bridges_is_none(cli: Cli, board: FakeFirmware, name: str) -> None:
+    spec = protocol.PARAMS[name]
+    code, _, err = cli("params", "set", name, "1.5", "--port", board.port)
+    assert code == EXIT_USER
+    assert f"{name} must be a whole number" in err
+    assert board.params.get(spec.id, spec.default_raw) == spec.default_raw
+
+
+def test_load_names_what_a_file_that_was_cut_off_lacks(
+    cli: Cli, board: FakeFirmware, tmp_path: Path
+) -> None:
+    (path := tmp_path / "cut.yaml").write_text("steer_kp: 60\n")
+    code, out, _ = cli("params", "load", str(path), "--port", board.port)
+    assert code == 0
+    assert "1 of 1 changed" in out
+    assert f"not in {path}: steer_driver, drive_driver, " in out
 
 
 def test_clear_clears_what_can_be_cleared_and_names_the_rest(cli: Cli, board: FakeFirmware) -> None:

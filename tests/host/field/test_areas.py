@@ -66,6 +66,16 @@ def test_an_inset_that_parts_the_crop_is_refused() -> None:
         areas_of(waisted, GAP_M, inset_m=0.6)
 
 
+def test_keep_outs_are_named_where_no_inset_was_asked_for() -> None:
+    field = shapely.box(0, 0, 20, 10)
+    most = field.difference(shapely.box(0.2, 0.2, 19.8, 9.8))
+    with pytest.raises(UserError, match=r"^with the keep-outs .* nothing is left to cut; correct"):
+        areas_of(most, GAP_M)
+    middle = field.difference(shapely.box(9, 0.1, 11, 9.9))
+    with pytest.raises(UserError, match=r"^the keep-outs .* part the crop into 2 pieces; survey"):
+        areas_of(middle, GAP_M)
+
+
 def test_the_outline_holds_the_blade_and_the_body() -> None:
     vehicle = Vehicle()
     assert OUTLINE.max(0) == pytest.approx([vehicle.blade_x_m + 0.05, vehicle.blade_width_m / 2])

@@ -201,6 +201,13 @@ def test_a_shapefile_without_prj_is_refused_not_guessed(tmp_path: Path) -> None:
         load_field(path)
 
 
+def test_a_shapefile_without_its_index_says_which_file_is_missing(tmp_path: Path) -> None:
+    write(tmp_path / "field.shp", [POND])
+    (tmp_path / "field.shx").unlink()
+    with pytest.raises(UserError, match=r"its \.shx file is missing"):
+        load_field(tmp_path / "field.shp")
+
+
 def test_a_polygon_inside_the_field_is_a_keep_out(tmp_path: Path) -> None:
     """As one draws a tree in a map program."""
     path = tmp_path / "field.kml"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -134,3 +135,16 @@ def test_a_corner_that_cannot_go_changes_nothing(tmp_path: Path) -> None:
     assert found.problem == "the field's sides would cross"
     assert found.corner == 3
     assert corners(tmp_path) == close(PLACES)
+
+
+def test_what_stands_in_the_field_stays_said_until_a_keep_out_is_marked(tmp_path: Path) -> None:
+    found = desk(tmp_path)
+    assert found.boundary is not None
+    marked = replace(found.boundary, left_out="'well' (Point)")
+    save_field(tmp_path / "field.geojson", marked)
+    found.do({"do": "open", "name": "field.geojson"})
+    found.do({"do": "move_corner", "index": 2, "x": 13.5, "y": 12.5})
+    assert found.boundary.left_out == "'well' (Point)"
+    found.do({"do": "keep_out", "ring": [(8, 8), (9, 8), (9, 9)]})
+    assert found.problem == ""
+    assert (len(found.boundary.keep_outs), found.boundary.left_out) == (2, "")

@@ -92,3 +92,11 @@ def test_an_edge_begins_where_the_machine_stands() -> None:
 def test_a_field_that_is_narrower_than_a_sliver_is_told() -> None:
     with pytest.raises(UserError, match="boundary: along no side of it a strip can be cut"):
         spiral([(0.0, 0.0), (0.3, 0.0), (0.3, 0.04), (0.0, 0.04)], 0, VEHICLE, gap_m=2.0)
+
+
+@pytest.mark.parametrize("free_m", [0.2, 0.74, 0.7501])
+def test_a_keep_out_that_leaves_nothing_of_the_field_is_told(free_m: float) -> None:
+    field = list(shapely.box(0, 0, 30, 20).exterior.coords)[:-1]
+    out = list(shapely.box(free_m, free_m, 30 - free_m, 20 - free_m).exterior.coords)[:-1]
+    with pytest.raises(UserError, match="around them too, leave nothing to cut"):
+        spiral(field, 0, VEHICLE, gap_m=2.0, keep_outs=[out])

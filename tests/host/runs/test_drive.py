@@ -11,10 +11,11 @@ import select
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import cv2
@@ -24,7 +25,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from host.core.errors import EXIT_USER, UserError
+from host.core.errors import EXIT_USER, FaultError, UserError
 from host.core.frames import LocalFrame
 from host.core.messages import Command, Fix, Frame, Request, Telemetry, Turned
 from host.core.vehicle import MAST, Vehicle
@@ -37,6 +38,7 @@ from host.link.session import Link
 from host.pilot.phase import Phase
 from host.pilot.pilot import PAUSED, Pilot
 from host.route.plan import Plan, spiral
+from host.runs import session
 from host.runs.drive import (
     PERIOD_S,
     TELEMETRY_TIMEOUT_S,
@@ -74,6 +76,7 @@ class Script:
         self.reason = "as the script says"
         self.view: CropView | None = None
         self.paused = False
+        self.believed_wrong = ""
         self.turns = 0
         self.cut_m = 0.0
         self.plan = Plan()
@@ -456,6 +459,56 @@ def test_halt_is_confirmed_by_the_firmware_only(board: FakeFirmware) -> None:
         board.telemetry = replace(RESTING, state=protocol.State.RUNNING)
         assert not halt(link, time.monotonic)
     assert board.wait_for(protocol.Stop)
+
+
+class Said:
+    """Stands for the screen: keeps what is said."""
+
+    def __init__(self, then: Callable[[], None]) -> None:
+        self.lines: list[str] = []
+        self._then = then
+
+    def open(self) -> nullcontext[None]:
+        return nullcontext()
+
+    def show(self, _drive: Drive) -> None:
+        self._then()
+
+    def last(self, _drive: Drive) -> None:
+        """Nothing is left on it."""
+
+    def say(self, text: str) -> None:
+        self.lines.append(text)
+
+
+def broken_off() -> None:
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("rests", [True, False])
+def test_after_ctrl_c_it_is_said_whether_the_firmware_has_stopped(
+    board: FakeFirmware, driven: Callable[..., Drive], rests: bool
+) -> None:
+    run = driven(Script([Command(Request.DRIVE)] * 1000))
+    if not rests:
+        board.telemetry = replace(RESTING, state=protocol.State.RUNNING)
+    screen = Said(broken_off)
+    machine = SimpleNamespace(screen=screen, link=run.link, clock=time.monotonic)
+    with pytest.raises(KeyboardInterrupt):
+        session._drive(run, cast(Any, machine))
+    words = "stopped: the firmware confirms" if rests else "STOP is not confirmed"
+    assert any(line.startswith(words) for line in screen.lines), screen.lines
+
+
+def test_a_port_that_vanishes_leaves_the_stop_unconfirmed_and_that_is_said(
+    board: FakeFirmware, driven: Callable[..., Drive]
+) -> None:
+    run = driven(Script([Command(Request.DRIVE)] * 1000))
+    screen = Said(board.unplug)
+    machine = SimpleNamespace(screen=screen, link=run.link, clock=time.monotonic)
+    with pytest.raises(FaultError, match="vanished"):
+        session._drive(run, cast(Any, machine))
+    assert "STOP is not confirmed: press the emergency stop" in screen.lines
 
 
 # ---- what the operator sees ----------------------------------------------------------------------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field, replace
@@ -333,6 +334,26 @@ def test_a_full_disk_is_said_once_and_stops_nothing(
     keeper.close(pilot)
     assert len(said) == 1
     assert "No space left on device: should the run end, it cannot be resumed" in said[0]
+    assert "tells an earlier place: do not go on with it" in keeper.to_go_on
+
+
+def test_a_disk_that_was_full_for_a_while_costs_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, _kept: Progress) -> None:
+        raise UserError(f"cannot save the progress in {path}: No space left on device")
+
+    said: list[str] = []
+    pilot = Pilot(VEHICLE, SimpleWorld(VEHICLE), PLAN)
+    keeper = Keeper(tmp_path / PATH, PLAN, 1, said.append)
+    with monkeypatch.context() as disk:
+        disk.setattr(resume, "save", full)
+        keeper.note(pilot)
+        while not said:
+            time.sleep(0.01)
+    keeper.close(pilot)
+    assert keeper.to_go_on == f"to go on: the same command with --resume {tmp_path / PATH}"
+    assert load(tmp_path / PATH).side == 0
 
 
 @dataclass

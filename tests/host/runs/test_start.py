@@ -27,7 +27,7 @@ from host.pilot.phase import Phase
 from host.runs import preflight
 from host.runs.errand import Errand, errand_of
 from host.runs.operator import Operator
-from host.runs.record import Recorder, read, unused
+from host.runs.record import ROOM_EVERY, SPARE_BYTES, Recorder, read, unused
 from host.runs.resume import Progress, digest
 from host.vision.view import CropView
 from tests.helpers.console import Cli
@@ -379,6 +379,23 @@ def test_a_full_disk_ends_the_record_and_not_the_run(
         recorder.put("/operator", 2.0, {"paused": True})
     assert said == [f"the record {path} ends here: No space left on device"]
     assert list(read(path)) == []
+
+
+def test_the_record_leaves_room_for_the_progress_and_is_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said: list[str] = []
+    path = tmp_path / "a.mcap"
+    free = [1e9]
+    monkeypatch.setattr("shutil.disk_usage", lambda _: type("Usage", (), {"free": free[0]}))
+    with Recorder(path, lost=said.append) as recorder:
+        for k in range(3 * ROOM_EVERY):
+            free[0] = 1e9 if k < ROOM_EVERY else SPARE_BYTES - 1
+            recorder.put("/operator", float(k), {"paused": True})
+    assert said == [f"the record {path} ends here: the disk has only 20 MB left"]
+    cut: list[str] = []
+    assert len(list(read(path, tell=cut.append))) == ROOM_EVERY
+    assert cut == []
 
 
 def test_a_disk_without_room_is_told_before_the_start(

@@ -190,6 +190,30 @@ def test_what_a_logger_writes_around_a_sentence_costs_nothing(form: bytes) -> No
     assert receiver.feed(0.0, stream) == Receiver().feed(0.0, gga() + rmc()) != []
 
 
+@pytest.mark.parametrize("quality", [6, 7, 8])
+def test_a_place_that_no_satellite_tells_is_no_fix(quality: int) -> None:
+    (fix,) = Receiver().feed(0.0, gga(quality=quality) + rmc())
+    assert fix.quality == 0
+    assert math.isnan(fix.lat_deg)
+
+
+@pytest.mark.parametrize("mode", ["E", "M", "S", "N"])
+def test_a_receiver_that_sends_rmc_alone_says_so_too(mode: str) -> None:
+    receiver = Receiver()
+    said = sentence(f"GPRMC,112511,A,4930.157756,N,00556.246941,E,2.7,90,271022,1.1,W,{mode}")
+    assert receiver.feed(0.0, said) == []
+    (fix,) = receiver.flush()
+    assert (fix.quality, fix.speed_mps, fix.course_rad) == (0, None, None)
+
+
+@pytest.mark.parametrize("mode", [",A", ",D", ",R", ",F", ""])
+def test_of_an_rmc_alone_every_fix_by_satellites_counts(mode: str) -> None:
+    receiver = Receiver()
+    receiver.feed(0.0, sentence(f"GPRMC,112511,A,4930.157,N,00556.246,E,2.7,90,271022,1.1,W{mode}"))
+    (fix,) = receiver.flush()
+    assert fix.quality == 1
+
+
 def test_a_speed_that_the_receiver_itself_calls_void_is_none() -> None:
     (fix,) = Receiver().feed(0.0, gga() + rmc(status="V"))
     assert fix.quality == 2
