@@ -98,7 +98,8 @@ def rig(
             echo(f"faults may be typed here while it runs: {USAGE}")
             with contextlib.suppress(KeyboardInterrupt):  # the way to end it
                 found.machine.run(duration)
-            _report(found.machine, out)
+    # A port that is open and silent is another fault than one that is gone: the map takes a second.
+    _report(found.machine, out)
 
 
 def _watch(duration: float | None) -> Watch:
