@@ -112,8 +112,10 @@ higher."""
 GRAIN_TO, FLAT_BELOW, UPRIGHT_LEAST = 0.45, 0.65, 2.2
 """Of the crop's height: up to which the texture above a foot tells how it runs, and below which all
 of what lies flat is seen, if it stood at its foot; and squared steps across the picture over those
-along it that upright stems have at least. Chosen on the fields 10550, 10557 and 10594: of 1,500
-pictures in the crop 12 fewer show it at the blade, of 580 of clear ground 100 fewer do."""
+along it that upright stems have at least. Chosen on the fields 10550, 10557 and 10594: of
+1,546 pictures in the crop 3 fewer show it at the blade, and of 539 of clear ground 18 instead of
+106. On eight others, in two of which much crop lies, 7 fewer of 3,449, and 39 instead of 61 of
+1,853."""
 NEXT_NEARER_M = 0.1
 """Than was said of the gap, the next crop's foot may seem; it is no part of what lies before."""
 LEAST_STEP2 = 8.0
