@@ -61,6 +61,10 @@ ASTRAY_M, SURELY_ASTRAY_RAD = 1.0, math.radians(45.0)
 and back."""
 SPIN_S = 0.6
 """Before it goes on in crop, for the blade to spin up."""
+STARTS_M, STARTS_S = 0.1, 3.0
+"""A machine that has come no farther since a picture showed something may be unseeing for so long:
+the blade spins up and whirls up dust, and uphill the wheels break away after a second. With less it
+stood, saw, spun up its blade and lost its edge again without end (field 10635)."""
 
 
 def lane_unknown(context: Context) -> bool:
@@ -287,7 +291,8 @@ class Follow(Behaviour):
         if context.creeps(now) or context.moves_aside(now):
             return None
         unknown = not context.estimate.position.beside and lane_unknown(context)
-        lost = now - sight.seen.stamp > STOP_AFTER_S or unknown
+        starts = abs(context.motion.distance_m - sight.seen_at_m) < STARTS_M
+        lost = now - sight.seen.stamp > (STARTS_S if starts else STOP_AFTER_S) or unknown
         if lost and not (context.backs > 0 and context.goes_unseeing(now)):
             sight.seen.broken = now
             return Why.EDGE_LOST.go(why=context.why_unseen("no sure view"))

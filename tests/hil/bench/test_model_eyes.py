@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from hil.bench.eyes import PerfectEye
 from hil.bench.harvest import Harvest, harvest
 from hil.bench.lockstep import Bench
-from hil.bench.model_eyes import Library, ModelEyes, library, read_as
+from hil.bench.model_eyes import LIBRARY, Library, ModelEyes, library, read_as
 from hil.firmware import targets
 from hil.scenario.scenario import Scenario, load
 from host.core.errors import UserError
@@ -189,6 +190,21 @@ def test_that_crop_may_lie_is_said_as_the_detector_said_it() -> None:
     assert view.lies_confidence == pytest.approx(0.8)
 
 
+def test_of_crop_that_lies_the_detectors_answers_to_crop_that_lies_are_given() -> None:
+    """By a library in which nothing was seen ahead wherever crop lay, in every other picture."""
+
+    def clear(lodged: float) -> float:
+        field = {"size_m": (12.0, 6.0), "lodged": lodged, "edge_wobble_m": 0.0}
+        standing, count = Standing(scenario(field=field, start={"before_m": 0.4})), library().size
+        lay = np.arange(count) // 30 % 2 == 0
+        said = np.where(lay, math.inf, library().columns["crop_ahead_m"])
+        taught(standing, lying=lay.astype(np.float32), crop_ahead_m=said.astype(np.float32))
+        return float(np.mean([view.crop_ahead_m == math.inf for view in standing.answers(200)]))
+
+    assert clear(0.0) < 0.1
+    assert clear(0.999) == 1.0
+
+
 def test_a_new_detector_gives_the_same_answers() -> None:
     standing = Standing(scenario())
     first = standing.answers(20)
@@ -224,11 +240,15 @@ def test_what_is_read_too_near_comes_no_nearer_with_the_crop(
     assert read_as(seen_m, was_m, here_m) == pytest.approx(read_m)
 
 
-def test_what_the_library_does_not_know_is_refused() -> None:
+def test_what_the_library_does_not_know_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="use --eyes picture"):
         ModelEyes(Bench(scenario(mode="paper")))
     with pytest.raises(UserError, match="eyes fit"):
         library(Path("/nowhere/errors.parquet"))
+    old = pq.read_table(LIBRARY)
+    pq.write_table(old.drop_columns(["lying"]), tmp_path / "old.parquet")
+    with pytest.raises(UserError, match=r"old\.parquet.*lying.*eyes fit"):
+        library(tmp_path / "old.parquet")
 
 
 def test_the_library_says_what_it_was_fitted_to() -> None:

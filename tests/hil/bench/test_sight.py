@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from hil.bench.sight import look
-from sim_plant.field import Field
+from sim_plant.field import FLAT_RAD, Field
 from sim_plant.field_spec import FieldSpec
 
 BLADE_X_M, BLADE_WIDTH_M = 1.5, 1.0
@@ -110,6 +111,22 @@ def test_what_an_earlier_strip_has_left_is_no_edge_unless_it_is_wide(
     assert seen.ahead_m < 0.05
     assert seen.right_m == pytest.approx(right_m, abs=0.03)
     assert seen.remnant is remnant
+
+
+@pytest.mark.parametrize("before_m", [0.0, 1.2])
+@pytest.mark.parametrize(
+    ("from_m", "to_m", "lying"),
+    [(0.0, 0.6, 1.0), (0.0, 0.3, 0.5), (0.7, 3.0, 0.0), (-9.0, 0.0, 0.0)],
+)
+def test_crop_lies_where_its_first_stalks_do(
+    before_m: float, from_m: float, to_m: float, lying: float
+) -> None:
+    """A field whose crop lies flat so far behind its south side, and nowhere else."""
+    crop = Field(PLAIN, 1)
+    south = crop.origin[1] + crop.coarse * np.arange(len(crop.lodge))
+    crop.lodge[(south >= from_m) & (south < to_m)] = FLAT_RAD
+    pose = (9.6, -BLADE_X_M - before_m, math.pi / 2)
+    assert look(crop, pose, BLADE_X_M, BLADE_WIDTH_M).lying == pytest.approx(lying, abs=0.12)
 
 
 def test_where_nothing_stands_nothing_is_ahead() -> None:

@@ -11,7 +11,7 @@ import pytest
 from host.core.frames import Pose2
 from host.core.messages import Frame, Request
 from host.estimate.cut_guard import CutGuard
-from host.pilot.behaviours.follow import END_REST_M, SPIN_S, Follow
+from host.pilot.behaviours.follow import END_REST_M, SPIN_S, STARTS_M, STARTS_S, Follow
 from host.pilot.behaviours.follow import Why as Followed
 from host.pilot.behaviours.gather import Why as Gathered
 from host.pilot.context import BEGINNING_M, BLIND_ON_M, PAST_LEFT_M, REGAINS, SLOW_AFTER_S
@@ -58,6 +58,25 @@ def test_follow_cuts_at_full_speed_once_the_blade_has_spun_up() -> None:
     command, go = follow.step(NOW + SPIN_S + 0.01)
     assert go is None
     assert (command.speed_mps, command.blade) == (VEHICLE.cutting_speed_mps, True)
+
+
+@pytest.mark.parametrize(
+    ("come_m", "unseen_s", "lost"),
+    [
+        (0.05, STOP_AFTER_S + 0.1, False),
+        (-0.05, STARTS_S - 0.1, False),
+        (0.05, STARTS_S + 0.1, True),
+        (STARTS_M + 0.05, STOP_AFTER_S + 0.1, True),
+        (-STARTS_M - 0.05, STOP_AFTER_S + 0.1, True),
+    ],
+)
+def test_a_machine_that_has_not_begun_to_move_has_time_to_break_away_before_its_edge_is_lost(
+    come_m: float, unseen_s: float, lost: bool
+) -> None:
+    context = on_side()
+    context.sight.seen.stamp = NOW - unseen_s
+    context.sight.seen_at_m = context.motion.distance_m - come_m
+    assert is_for(Follow(context).step(NOW)[1], Followed.EDGE_LOST if lost else None)
 
 
 def test_follow_slows_down_before_it_stops_without_an_edge() -> None:
