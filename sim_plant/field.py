@@ -20,6 +20,9 @@ from sim_plant.blade import cut_between
 from sim_plant.field_spec import FieldSpec, Point, Side
 from sim_plant.ground import CROP, GRASS, NEIGHBOUR, OBSTACLE, SOIL, STUBBLE, TRUNK
 
+FLAT_RAD = 1.2
+"""Tilt of crop that lies: stalks rest on each other and never lie quite flat."""
+
 
 class Figures(NamedTuple):
     """What compiled loops need of a field besides its grid: lengths in m, angles in degrees."""
@@ -215,7 +218,7 @@ class Field:
         self.green = _patches(seed + 41, half, block, wave, spec.green)
         self.density = 1 - 0.65 * _patches(seed + 51, half, block, wave, spec.thin)
         lodged = _patches(seed + 61, half, block, 1.6 * wave, spec.lodged)
-        self.lodge: NDArray[np.float32] = (1.2 * lodged).astype(np.float32)
+        self.lodge: NDArray[np.float32] = (FLAT_RAD * lodged).astype(np.float32)
         self.height *= np.cos(self.lodge)
         self.weed = _patches(seed + 71, half, block, 0.35 * wave, spec.weeds)
         self.tone = noise.smooth_grid(seed + 81, *half, block, 1.1)

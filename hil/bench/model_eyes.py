@@ -38,6 +38,8 @@ ZONES_M: Final = (CUTTING_M, 1.0, 2.5)
 """Distances ahead at which the situation becomes another."""
 LAST_M: Final = 0.8
 """Of the crop that is being cut: no full window of its edge is left."""
+LIES: Final = 0.3
+"""Crop that is flatter at its face (`Sight.lying`) shows few stems."""
 SLANT: Final = 0.25
 """Of the right end, left per metre ahead: no edge along the way any more."""
 MOVING_MPS: Final = 0.05
@@ -59,9 +61,9 @@ DONOR: Final = 1.0
 picture, it does for good."""
 
 COLUMNS: Final = (
-    "drive", "stamp_s", "ahead_m", "depth_m", "right_m", "slope", "density", "speed_mps", "blade",
-    "fresh", "read_ahead_m", "read_right_m", "read_beside_m", "confidence", "edge_offset_m",
-    "edge_beside_m", "edge_ahead_m",
+    "drive", "stamp_s", "ahead_m", "depth_m", "right_m", "slope", "density", "lying", "speed_mps",
+    "blade", "fresh", "read_ahead_m", "read_right_m", "read_beside_m", "confidence",
+    "edge_offset_m", "edge_beside_m", "edge_ahead_m",
     "crop_ahead_m", "ahead_by_height_m", "ahead_confidence", "lies_confidence", "tip_share",
     "hidden", "usable", "reason",
 )  # fmt: skip
@@ -69,9 +71,10 @@ COLUMNS: Final = (
 
 # Of a situation, and what a difference of one counts for: dust in the air, depth, distance ahead,
 # pictures since it began, the answer before (its kind, its error), density, the angle of the slope,
-# place of the right end and of what stands beside the way, crop height, cloud, hour, drilled.
+# place of the right end and of what stands beside the way, how flat the crop's face lies,
+# crop height, cloud, hour, drilled.
 SCALES: Final = np.array(
-    [0.1, 0.3, 0.15, 4.0, 0.6, 0.03, 0.25, 0.2, 0.05, 0.3, 0.15, 1.0, 5.0, 2.0], np.float32
+    [0.1, 0.3, 0.15, 4.0, 0.6, 0.03, 0.25, 0.2, 0.05, 0.3, 0.15, 0.15, 1.0, 5.0, 2.0], np.float32
 )
 FEATURES: Final = len(SCALES)
 
@@ -81,15 +84,15 @@ FAR_BESIDE_M: Final = 2.5
 NO_RIGHT_END: Final = "the crop ahead has no clear right end"
 
 DERIVED_FROM: Final = (
-    "stamp_s", "ahead_m", "depth_m", "right_m", "slope", "density", "speed_mps", "read_right_m",
-    "read_beside_m", "confidence", "edge_offset_m", "edge_beside_m", "crop_ahead_m",
+    "stamp_s", "ahead_m", "depth_m", "right_m", "slope", "density", "lying", "speed_mps",
+    "read_right_m", "read_beside_m", "confidence", "edge_offset_m", "edge_beside_m", "crop_ahead_m",
     "ahead_confidence",
 )  # fmt: skip
 """Numbers from which a library's situations are made out."""
 
-Cell = tuple[int, int, int, int]
-"""Of a situation: zone, whether the blade spins, whether the machine moves, whether the detector
-was restarted."""
+Cell = tuple[int, int, int, int, int]
+"""Of a situation: zone, whether the crop's face lies, whether the blade spins, whether the
+machine moves, whether the detector was restarted."""
 
 
 @njit(cache=True, nogil=True)
@@ -197,8 +200,8 @@ def _likest(
 @njit(cache=True, nogil=True)
 def _describe(
     features: NDArray[np.float32], air: NDArray[np.float64], ahead_m: float, depth_m: float,
-    offset_m: float, beside_m: float, slope: float, density: float, blade: bool, since: int,
-    kind: int, error_m: float,
+    offset_m: float, beside_m: float, slope: float, density: float, lying: float, blade: bool,
+    since: int, kind: int, error_m: float,
 ) -> None:  # fmt: skip
     """Writes a situation's features, in the order of SCALES."""
     features[0] = air[0] if blade else 0.0
@@ -211,38 +214,41 @@ def _describe(
     features[7] = math.atan(slope) if math.isfinite(slope) else 0.0
     features[8] = max(-1.0, min(1.0, offset_m)) if math.isfinite(offset_m) else 0.0
     features[9] = beside_m if math.isfinite(beside_m) else FAR_BESIDE_M
-    features[10:] = air[1:]
+    features[10] = lying
+    features[11:] = air[1:]
 
 
 @njit(cache=True, nogil=True)
 def _derived(
     air: NDArray[np.float64], ahead_m: NDArray[np.float64], depth_m: NDArray[np.float64],
     right_m: NDArray[np.float64], slope: NDArray[np.float64], density: NDArray[np.float64],
-    offset_m: NDArray[np.float64], beside_m: NDArray[np.float64], error_m: NDArray[np.float64],
+    lying: NDArray[np.float64], offset_m: NDArray[np.float64], beside_m: NDArray[np.float64],
+    error_m: NDArray[np.float64],
     blade: NDArray[np.bool_], moving: NDArray[np.bool_], fresh: NDArray[np.bool_],
     follows: NDArray[np.bool_], sure: NDArray[np.bool_], clear: NDArray[np.bool_],
     ahead_sure: NDArray[np.bool_],
 ) -> tuple[NDArray[np.int8], NDArray[np.int8], NDArray[np.float32]]:  # fmt: skip
-    """Of rows, one after the other: (n, 5) cell and edge, (n,) kind, (n, FEATURES)."""
+    """Of rows, one after the other: (n, 6) cell and edge, (n,) kind, (n, FEATURES)."""
     n = ahead_m.shape[0]
-    cells = np.empty((n, 5), np.int8)
+    cells = np.empty((n, 6), np.int8)
     kinds = np.empty(n, np.int8)
     features = np.empty((n, FEATURES), np.float32)
     before_kind, before_error, since = 0, 0.0, 0
     for k in range(n):
         zone = zone_of(ahead_m[k], depth_m[k])
-        cells[k, 0], cells[k, 1], cells[k, 2], cells[k, 3] = zone, blade[k], moving[k], fresh[k]
-        cells[k, 4] = face_of(zone, depth_m[k], right_m[k], slope[k])
+        cells[k, 0], cells[k, 1] = zone, lying[k] >= LIES
+        cells[k, 2], cells[k, 3], cells[k, 4] = blade[k], moving[k], fresh[k]
+        cells[k, 5] = face_of(zone, depth_m[k], right_m[k], slope[k])
         kinds[k] = _kind(sure[k], clear[k], ahead_sure[k])
         if not follows[k]:
             before_kind, before_error, since = 0, 0.0, 0
-        elif (cells[k, :4] == cells[k - 1, :4]).all():
+        elif (cells[k, :5] == cells[k - 1, :5]).all():
             since += 1
         else:
             since = 0
         _describe(
             features[k], air[k], ahead_m[k], depth_m[k], offset_m[k], beside_m[k], slope[k],
-            density[k], blade[k], since, before_kind, before_error,
+            density[k], lying[k], blade[k], since, before_kind, before_error,
         )  # fmt: skip
         before_kind = int(kinds[k])
         if math.isfinite(error_m[k]):
@@ -280,12 +286,12 @@ class Library:
         air = np.array([Air(**d["air"]).row() for d in self.drives], np.float64)[self.drive]
         blade, fresh = (self.columns[name].astype(np.bool_) for name in ("blade", "fresh"))
         cells, self.kind, self.features = _derived(
-            air, c["ahead_m"], c["depth_m"], c["right_m"], c["slope"], c["density"],
+            air, c["ahead_m"], c["depth_m"], c["right_m"], c["slope"], c["density"], c["lying"],
             c["right_m"] - expected_m, beside_m, error_m, blade,
             np.abs(c["speed_mps"]) > MOVING_MPS, fresh, self.follows,
             c["confidence"] >= 0.5, ~(c["crop_ahead_m"] < 0.8), c["ahead_confidence"] >= 0.5,
         )  # fmt: skip
-        self.zone, self.edge = (np.ascontiguousarray(cells[:, k]) for k in (0, 4))
+        self.zone, self.lies, self.edge = (np.ascontiguousarray(cells[:, k]) for k in (0, 1, 5))
         self.cells = self._cells(cells)
 
     def _cells(self, cells: NDArray[np.int8]) -> dict[tuple[int, ...], NDArray[np.int32]]:
@@ -315,17 +321,18 @@ ZONE_ACROSS: Final = 3
 
 
 def _keys(
-    mount: int, zone: int, blade: int, moving: int, fresh: int, edge: int
+    mount: int, zone: int, lies: int, blade: int, moving: int, fresh: int, edge: int
 ) -> tuple[tuple[int, ...], ...]:
     """A situation's cell and those that stand in where the library has too little of it. What
     stands across the view looks alike at any distance."""
     if edge == ACROSS:
         zone = ZONE_ACROSS
     return (
-        (mount, zone, blade, moving, fresh, edge),
-        (mount, zone, blade, moving, edge),
-        (mount, zone, blade, edge),
-        (mount, zone, edge),
+        (mount, zone, lies, blade, moving, fresh, edge),
+        (mount, zone, lies, blade, moving, edge),
+        (mount, zone, lies, blade, edge),
+        (mount, zone, lies, edge),
+        (mount, zone, lies),
         (mount, zone),
         (mount,),
     )
@@ -350,14 +357,14 @@ LEAST: Final = 12
 
 def features_of(
     air: Air, ahead_m: float, depth_m: float, offset_m: float, beside_m: float, slope: float,
-    density: float, blade: bool, since: int, kind: int, error_m: float,
+    density: float, lying: float, blade: bool, since: int, kind: int, error_m: float,
 ) -> NDArray[np.float32]:  # fmt: skip
     """(FEATURES,) of a situation, in the order of SCALES."""
     features = np.empty(FEATURES, np.float32)
     _describe(
         features, np.array(air.row()), float(ahead_m), float(depth_m), float(offset_m),
-        float(beside_m), float(slope), float(density), bool(blade), int(since), int(kind),
-        float(error_m),
+        float(beside_m), float(slope), float(density), float(lying), bool(blade), int(since),
+        int(kind), float(error_m),
     )  # fmt: skip
     return features
 
@@ -376,13 +383,15 @@ def library(path: Path = LIBRARY) -> Library:
     """The library in a file. UserError where there is none."""
     try:
         table = pq.read_table(path)
-    except (OSError, ValueError) as error:
+        about = json.loads((table.schema.metadata or {})[b"daranti"])
+        columns = {name: table.column(name).to_numpy() for name in COLUMNS}
+    except (OSError, ValueError, KeyError) as error:
+        why = f"it lacks {error}" if isinstance(error, KeyError) else error
         raise UserError(
-            f"no library of the detector's errors in {path} ({error}): make one with "
+            f"no library of the detector's errors in {path} ({why}): make one with "
             "`daranti-hil eyes fit`"
         ) from error
-    about = json.loads((table.schema.metadata or {})[b"daranti"])
-    return Library({name: table.column(name).to_numpy() for name in COLUMNS}, about)
+    return Library(columns, about)
 
 
 # ---- the eyes ------------------------------------------------------------------------------------
@@ -471,7 +480,7 @@ class ModelDetector:
         self._row = -1
         self._kind, self._error = 0, 0.0
         self._since = 0
-        self._cell: Cell = (-1, 0, 0, 0)
+        self._cell: Cell = (-1, 0, 0, 0, 0)
         self._fresh = True
         self._number = -1
         self._camera = scenario.camera
@@ -515,7 +524,8 @@ class ModelDetector:
         zone = zone_of(sight.ahead_m, sight.depth_m)
         edge = face_of(zone, sight.depth_m, sight.right_m, sight.slope)
         moving = abs(sight.speed_mps) > MOVING_MPS
-        cell = (zone, int(sight.blade), int(moving), int(fresh))
+        lies = sight.lying >= LIES
+        cell = (zone, int(lies), int(sight.blade), int(moving), int(fresh))
         known = self._row >= 0
         self._since = self._since + 1 if known and cell == self._cell else 0
         if not known:
@@ -541,12 +551,13 @@ class ModelDetector:
 
     def _fits(self, row: int, sight: Sight, cell: Cell, edge: int) -> bool:
         errors, c = self._library, self._library.values
-        zone, blade, moving, fresh = cell
+        zone, lies, blade, moving, fresh = cell
         across, beside_m = edge == ACROSS, sight.read_beside_m
         return bool(
             errors.follows[row]
             and not c["hidden"][row]
             and (errors.zone[row] == zone or across)
+            and errors.lies[row] == lies
             and errors.edge[row] == edge
             and bool(c["blade"][row]) == bool(blade)
             and bool(c["fresh"][row]) == bool(fresh)
@@ -560,8 +571,8 @@ class ModelDetector:
         errors = self._library
         here = features_of(
             self._air, sight.ahead_m, sight.depth_m, sight.right_m - self._expected_m,
-            sight.read_beside_m - self._expected_m, sight.slope, sight.density, sight.blade,
-            self._since, self._kind, self._error,
+            sight.read_beside_m - self._expected_m, sight.slope, sight.density, sight.lying,
+            sight.blade, self._since, self._kind, self._error,
         )  # fmt: skip
         offset, pick = (int(k) for k in self._rng.integers(1 << 30, size=2))
         for key in _keys(self._mount, *cell, edge):

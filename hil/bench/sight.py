@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from hil.bench.misread import Misreading
 from host.vision.view import BESIDE_AHEAD_M
-from sim_plant.field import Field
+from sim_plant.field import FLAT_RAD, Field
 from sim_plant.ground import CROP, NEIGHBOUR, kind_at
 
 CUTTING_M: Final = 0.3
@@ -50,6 +50,10 @@ PLACES: Final = 9
 """Along such ground and across it that are looked at."""
 DEPTH_M: Final = 3.0
 """No more of the crop behind its face is looked at."""
+LIES_M: Final = 0.6
+"""So much of the crop ahead, from its face on, is looked at for how flat it lies,"""
+LIES_SHARE: Final = 0.4
+"""and of the blade's width, to either side of its middle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +88,8 @@ class Sight:
     """Whether crop stands right before the camera's lens."""
     crop_right: bool = False
     """Whether crop stands beside the blade, right of its end."""
+    lying: float = 0.0
+    """How flat the crop ahead lies at its face, 0 (as sown, or none) to 1."""
 
 
 @njit(cache=True, nogil=True)
@@ -259,6 +265,32 @@ def _look(
 
 
 @njit(cache=True, nogil=True)
+def _tilt(
+    kind: NDArray[np.uint8],
+    lodge: NDArray[np.float32],
+    x0: float,
+    y0: float,
+    cell: float,
+    pose: tuple[float, float, float],
+    ahead_m: tuple[float, float],
+    aside_m: float,
+) -> float:
+    """How far the crop is tilted on the ground before a pose, from and to, and so far to either
+    side: the mean over the places where some stands, in rad; 0 without."""
+    x, y, yaw = pose
+    c, s, count, tilt = math.cos(yaw), math.sin(yaw), 0, 0.0
+    for i in range(PLACES):
+        ahead = ahead_m[0] + (ahead_m[1] - ahead_m[0]) * i / (PLACES - 1)
+        for k in range(PLACES):
+            left = aside_m * (2.0 * k / (PLACES - 1) - 1.0)
+            px, py = x + ahead * c - left * s, y + ahead * s + left * c
+            if _standing(kind, x0, y0, cell, px, py):
+                tilt += lodge[int((py - y0) / (2.0 * cell)), int((px - x0) / (2.0 * cell))]
+                count += 1
+    return tilt / count if count else 0.0
+
+
+@njit(cache=True, nogil=True)
 def _share(
     kind: NDArray[np.uint8],
     x0: float,
@@ -307,7 +339,7 @@ def look(
         j = math.floor((py - field.origin[1]) / field.coarse)
         rows, columns = field.density.shape
         if 0 <= i < columns and 0 <= j < rows:
-            density = float(field.density[j, i] * (1.0 - field.lodge[j, i] / 1.2))
+            density = float(field.density[j, i] * (1.0 - field.lodge[j, i] / FLAT_RAD))
     read, read_beside = (ahead, right), beside
     if misreading is not None:
         read = misreading.of(ahead, right, cutting=ahead < CUTTING_M)
@@ -321,6 +353,11 @@ def look(
     end_m = -0.5 * blade_width_m
     wall = blade_x_m + WALL_AHEAD_M[0], blade_x_m + WALL_AHEAD_M[1]
     crop_right = _share(*ground, pose, wall, (end_m - WALL_ASIDE_M, end_m)) >= WALL_SHARE
+    tilt_rad = 0.0
+    if ahead < math.inf:
+        way = blade_x_m + ahead, blade_x_m + ahead + LIES_M
+        aside_m = LIES_SHARE * blade_width_m
+        tilt_rad = _tilt(field.kind, field.lodge, *field.origin, field.cell, pose, way, aside_m)
     return Sight(
         ahead,
         depth,
@@ -338,4 +375,5 @@ def look(
         read_beside,
         before_lens,
         crop_right,
+        tilt_rad / FLAT_RAD,
     )

@@ -40,6 +40,9 @@ BEGINNING_S: Final = 300.0
 """Of a random field: its first sides and their ends."""
 LATE_S: Final = 900.0
 """Of a random field that the model drives while the detector looks on: half of it or more."""
+LODGED: Final = (0.05, 0.2)
+"""Share of crop that lies in every third field, drawn: random fields have a quarter of it, which
+would teach next to nothing of crop that is met lying."""
 WRONG_M: Final = 0.1
 """What `CropView.confidence` is about."""
 ANSWERED: Final = ("confidence", "edge_offset_m", "crop_ahead_m", "ahead_confidence")
@@ -54,7 +57,7 @@ def fitting_field(seed: int, *, late: bool = False) -> Scenario:
     """What the model eyes are fitted to. Even seeds: a small rectangle with the crop, ground,
     weather and mount of the random field of that seed. Odd ones: the beginning of that field
     itself, whose slanting borders and reflex corners no rectangle has. `late`: that field, whatever
-    the seed, and more of it."""
+    the seed, and more of it. In every third much crop lies."""
     base = random_field(seed)
     limit_s = LATE_S if late else BEGINNING_S if seed % 2 else LIMIT_S
     changes: dict[str, Any] = {
@@ -62,11 +65,15 @@ def fitting_field(seed: int, *, late: bool = False) -> Scenario:
         "limits": {"time_s": limit_s},
         "record": {"film": False, "pictures_every": 0},
     }
+    rng = np.random.default_rng([seed, 77])
+    size = tuple(round(float(rng.uniform(*SIDE_M)), 2) for _ in range(2))
+    field: dict[str, Any] = {}
     if seed % 2 == 0 and not late:
-        rng = np.random.default_rng([seed, 77])
-        size = tuple(round(float(rng.uniform(*SIDE_M)), 2) for _ in range(2))
-        changes["field"] = {"polygon": None, "size_m": size, "keep_outs": (), "trees": ()}
+        field = {"polygon": None, "size_m": size, "keep_outs": (), "trees": ()}
         changes["start"] = {"corner": base.start.corner % 4}
+    if seed % 3 == 0:
+        field["lodged"] = float(rng.uniform(*LODGED))
+    changes["field"] = field
     return changed(base, changes)
 
 
