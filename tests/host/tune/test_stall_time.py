@@ -11,7 +11,8 @@ from host.link import protocol
 from host.tune import stall_time
 from host.tune.stall_time import share_at_least_duty, stall_time_ms
 
-SUPERVISOR = Path(__file__).parents[3] / "firmware" / "src" / "core" / "supervisor.cpp"
+CORE = Path(__file__).parents[3] / "firmware" / "src" / "core"
+SUPERVISOR = CORE / "supervisor.h", CORE / "supervisor.cpp"
 
 
 @pytest.mark.parametrize(
@@ -57,6 +58,7 @@ def test_a_stiff_motor_is_waited_for_as_its_friction_takes_more_of_a_small_duty(
      ("kFullDuty", stall_time.FULL_DUTY)],
 )  # fmt: skip
 def test_it_reckons_with_what_the_firmware_does(name: str, value: float) -> None:
-    found = re.search(rf"{name} = (\d+);", SUPERVISOR.read_text(encoding="utf-8"))
+    text = "".join(path.read_text(encoding="utf-8") for path in SUPERVISOR)
+    found = re.search(rf"{name} = (\d+);", text)
     assert found is not None
     assert float(found[1]) == value
