@@ -52,7 +52,7 @@ SURELY = 3.0
 """Standard deviations of the speed that the duty gives, beyond which the steering angle tells
 against the gyroscope."""
 TOLD_MPS = 0.25
-"""From which the way is known well enough for the trim."""
+"""From which the duty tells the way well enough for the trim."""
 LEG_RAD = math.radians(20)
 """A shorter turn's leg shows slack rather than scale."""
 LEG_SHARE = 0.2
@@ -282,8 +282,8 @@ class Odometry:
     def _learn_trim(self, missed_rad: float, way_m: float) -> None:
         """What the gyroscope shows besides, driving straight, is the pot's zero or a slope's."""
         straight = math.tan(STRAIGHT_RAD) / self._vehicle.wheelbase_m
-        if abs(self._speed) < TOLD_MPS:
-            return  # nobody knows the way of a creep: one sensor counts a roll back as going on
+        if self._odometer is None and abs(self._speed) < TOLD_MPS:
+            return  # nobody knows the way of a creep
         if way_m != 0.0 and abs(self.now.curvature_1pm) < straight:
             share = min(1.0, abs(way_m) / TRIM_M)
             self._middle_rad *= 1.0 - share
