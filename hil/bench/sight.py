@@ -265,53 +265,31 @@ def _look(
 
 
 @njit(cache=True, nogil=True)
-def _tilt(
+def _crop_on(
     kind: NDArray[np.uint8],
     lodge: NDArray[np.float32],
     x0: float,
     y0: float,
     cell: float,
-    pose: tuple[float, float, float],
-    ahead_m: tuple[float, float],
-    aside_m: float,
-) -> float:
-    """How far the crop is tilted on the ground before a pose, from and to, and so far to either
-    side: the mean over the places where some stands, in rad; 0 without."""
-    x, y, yaw = pose
-    c, s, count, tilt = math.cos(yaw), math.sin(yaw), 0, 0.0
-    for i in range(PLACES):
-        ahead = ahead_m[0] + (ahead_m[1] - ahead_m[0]) * i / (PLACES - 1)
-        for k in range(PLACES):
-            left = aside_m * (2.0 * k / (PLACES - 1) - 1.0)
-            px, py = x + ahead * c - left * s, y + ahead * s + left * c
-            if _standing(kind, x0, y0, cell, px, py):
-                tilt += lodge[int((py - y0) / (2.0 * cell)), int((px - x0) / (2.0 * cell))]
-                count += 1
-    return tilt / count if count else 0.0
-
-
-@njit(cache=True, nogil=True)
-def _share(
-    kind: NDArray[np.uint8],
-    x0: float,
-    y0: float,
-    cell: float,
+    coarse: float,
     pose: tuple[float, float, float],
     ahead_m: tuple[float, float],
     left_m: tuple[float, float],
-) -> float:
+) -> tuple[float, float]:
     """Of the ground before and beside a pose (x, y, yaw), from and to, the share on which crop
-    stands: at places evenly spread over it."""
+    stands, and how far that is tilted on average, rad (0 without): at places evenly spread over
+    it."""
     x, y, yaw = pose
-    c, s, count = math.cos(yaw), math.sin(yaw), 0
+    c, s, count, tilt = math.cos(yaw), math.sin(yaw), 0, 0.0
     for i in range(PLACES):
         ahead = ahead_m[0] + (ahead_m[1] - ahead_m[0]) * i / (PLACES - 1)
         for k in range(PLACES):
             left = left_m[0] + (left_m[1] - left_m[0]) * k / (PLACES - 1)
             px, py = x + ahead * c - left * s, y + ahead * s + left * c
             if _standing(kind, x0, y0, cell, px, py):
+                tilt += lodge[int((py - y0) / coarse), int((px - x0) / coarse)]
                 count += 1
-    return count / PLACES**2
+    return count / PLACES**2, tilt / max(1, count)
 
 
 def look(
@@ -344,20 +322,21 @@ def look(
     if misreading is not None:
         read = misreading.of(ahead, right, cutting=ahead < CUTTING_M)
         _, read_beside = misreading.of(BESIDE_AHEAD_M, beside, cutting=False)
-    before_lens, ground = False, (field.kind, *field.origin, field.cell)
+    before_lens = False
+    ground = field.kind, field.lodge, *field.origin, field.cell, field.coarse
     if lens_m is not None:
         c, s = math.cos(yaw), math.sin(yaw)
         at = x + lens_m[0] * c - lens_m[1] * s, y + lens_m[0] * s + lens_m[1] * c
         before, aside = (LENS_M[0], LENS_M[0]), (-LENS_M[1], LENS_M[1])
-        before_lens = _share(*ground, (*at, yaw), before, aside) > 0.5
+        before_lens = _crop_on(*ground, (*at, yaw), before, aside)[0] > 0.5
     end_m = -0.5 * blade_width_m
     wall = blade_x_m + WALL_AHEAD_M[0], blade_x_m + WALL_AHEAD_M[1]
-    crop_right = _share(*ground, pose, wall, (end_m - WALL_ASIDE_M, end_m)) >= WALL_SHARE
+    crop_right = _crop_on(*ground, pose, wall, (end_m - WALL_ASIDE_M, end_m))[0] >= WALL_SHARE
     tilt_rad = 0.0
     if ahead < math.inf:
-        way = blade_x_m + ahead, blade_x_m + ahead + LIES_M
+        face = blade_x_m + ahead, blade_x_m + ahead + LIES_M
         aside_m = LIES_SHARE * blade_width_m
-        tilt_rad = _tilt(field.kind, field.lodge, *field.origin, field.cell, pose, way, aside_m)
+        _, tilt_rad = _crop_on(*ground, pose, face, (-aside_m, aside_m))
     return Sight(
         ahead,
         depth,

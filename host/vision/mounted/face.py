@@ -19,7 +19,7 @@ from host.vision.mounted.beside import right_end_beside, stands_right
 from host.vision.mounted.density import PIXELS, mark_dense, mean_of, shares, tops_of
 from host.vision.mounted.evidence import LOGARITHM, Evidence, Floats, Sums
 from host.vision.mounted.feet import Figures, Flat, contour, reached
-from host.vision.mounted.grain import squared_steps
+from host.vision.mounted.grain import NOISE2, squared_steps
 from host.vision.mounted.profile import BIN_M, profile, right_side, stems_beyond, steps_beyond
 from host.vision.pictures import Mask
 from host.vision.view import NAN
@@ -118,8 +118,6 @@ along it that upright stems have at least. Chosen on the fields 10550, 10557 and
 1,853."""
 NEXT_NEARER_M = 0.1
 """Than was said of the gap, the next crop's foot may seem; it is no part of what lies before."""
-LEAST_STEP2 = 8.0
-"""Mean squared step, in 255ths of the logarithmic range, below which there is but noise."""
 FOOT_WINDOW_M = 0.12
 """On the face, above and below a possible foot."""
 REACH_M = 12.0
@@ -202,12 +200,12 @@ class FaceFinder:
         self._limit = np.minimum(order, height - 1).astype(np.int32)
         rows = camera.matrix[0, 0] * FOOT_WINDOW_M / np.maximum(middle - x_c, 0.1)
         self._way = self._corridor(camera, vehicle)
+        # from beside it stubble is as upright as crop
+        self._from_above = self._at[2] > vehicle.crop_height_m
         self.next_crop(GAP_M)
         above = vehicle.crop_height_m - float(camera.position[2])
         self._usual_tops_px = camera.matrix[0, 0] * above / (vehicle.blade_x_m - x_c)
         self._level_px = int(np.argmin(np.abs(self._upward[:, width // 2])))
-        # from beside it stubble is as upright as crop
-        self._from_above = float(camera.position[2]) > vehicle.crop_height_m
         self._windows = np.clip(rows, 4, 40).astype(np.int32)
 
     def next_crop(self, gap_m: float) -> None:
@@ -223,9 +221,8 @@ class FaceFinder:
         self._face = self._cut_face(surely_m)
         self._middle = self._face[0][1]
         blade_x, crop_m = self._vehicle.blade_x_m, self._vehicle.crop_height_m
-        # from beside it stubble is as upright as crop
         flat = Flat(
-            to_x_m=blade_x + FLAT_TO_M if z_c > crop_m else -math.inf,
+            to_x_m=blade_x + FLAT_TO_M if self._from_above else -math.inf,
             low_m=LOWEST_M,
             high_m=GRAIN_TO * crop_m,
             below_m=FLAT_BELOW * crop_m,
@@ -436,7 +433,7 @@ class FaceFinder:
         alike."""
         box, face = self._face
         x2, y2 = squared_steps(grey[box], face)
-        return x2 > LEAST_STEP2 and x2 > UPRIGHT * y2
+        return x2 > NOISE2 and x2 > UPRIGHT * y2
 
     def _right_end(
         self,

@@ -444,7 +444,7 @@ def test_a_swath_before_a_mast_is_no_crop_at_the_blade(
     ahead_m: float, gap_m: float, looks: bool
 ) -> None:
     """Neither with the blade at work nor in a look without its dust: taken for crop, it led a
-    machine 0.6 m out of its field at the end of each strip (field 10594)."""
+    machine out of its field at the end of a strip (field 10594)."""
     eye = detector("robust", MAST)
     eye.next_crop(gap_m)
     for seed in range(TRACK + 1):
