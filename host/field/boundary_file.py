@@ -23,7 +23,7 @@ import tempfile
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any, Final, NoReturn
 from xml.etree import ElementTree as ET
@@ -44,7 +44,7 @@ from host.core.terminal import plain
 from host.field import archive, isoxml_file
 from host.field.corners import steerable
 from host.field.gpx_file import UNREADABLE_XML, bare, read_rings
-from host.field.shapes import MIN_AREA_M2, Shape, area_m2, chosen, parts_of, shape_of
+from host.field.shapes import MIN_AREA_M2, Mark, Shape, area_m2, chosen, parts_of, shape_of
 
 MAX_AROUND_M = 20_000.0
 """A field's length around, of a square of 25 km²: longer ones are a slip in the file."""
@@ -67,7 +67,9 @@ SIGMA = "sigma_m"
 RECORDED = "recorded"
 """and the one that says whether it was recorded point by point,"""
 LEFT_OUT = "left_out"
-"""and the one that keeps what another file had inside it."""
+"""and the one that keeps what another file had inside it (JSON: name, longitude, latitude each)."""
+MOST_NAMED: Final = 5
+"""Of that, in a message."""
 MOST_SIGMA_M = 100.0
 """A larger one is no field's: a slip of the pen."""
 COARSE: Final = range(5)
@@ -104,9 +106,9 @@ class Boundary:
     recorded: bool | None = None
     """Whether it was recorded point by point, so that the crop's edge may bend between its corners;
     None: nobody has said it."""
-    left_out: str = ""
-    """What its file has inside it that is no keep-out, by name: a tree marked by a point, a pond
-    drawn across its edge."""
+    left_out: tuple[Mark, ...] = ()
+    """What its file has inside it besides: a tree marked by a point, a pond drawn across its
+    edge."""
 
     @property
     def known_to_m(self) -> float:
@@ -121,12 +123,22 @@ class Boundary:
 
     @property
     def not_kept_out(self) -> str:
-        """What may stand in the field without being a keep-out, in words; empty where nothing."""
-        if not self.left_out:
+        """What may stand in the field outside of every keep-out, in words; empty where nothing."""
+        kept_out = [shapely.Polygon([(lon, lat) for lat, lon in ring]) for ring in self.keep_outs]
+        names = [
+            mark.name
+            for mark in self.left_out
+            if not any(
+                shapely.intersects_xy(hole, mark.longitude, mark.latitude) for hole in kept_out
+            )
+        ]
+        if not names:
             return ""
+        more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
         return (
-            f"the file has in the field, and not as a keep-out: {self.left_out}. The machine "
-            "drives over what stands there; draw a polygon around it that lies inside the field"
+            "the file has in the field, and not as a keep-out: "
+            f"{', '.join(names[:MOST_NAMED])}{more}. The machine drives over what stands there; "
+            "draw a polygon around it that lies inside the field"
         )
 
     @property
@@ -326,7 +338,8 @@ def _one(shapes: list[Shape], wanted: str, path: Path) -> Boundary:
         shape.sigma_m,
         shape.recorded,
     )
-    return replace(boundary, left_out=plain(shape.left_out))
+    marks = tuple(replace(mark, name=plain(mark.name)) for mark in shape.left_out)
+    return replace(boundary, left_out=marks)
 
 
 def _mended(shape: Shape) -> Shape:
@@ -391,7 +404,7 @@ def _read_geojson(path: Path) -> list[Shape]:
         name = _name(feature.get("properties")) if whole else ""
         sigma_m = _sigma(feature.get("properties")) if whole else None
         recorded = _recorded(feature.get("properties")) if whole else None
-        left_out = _left_out(feature.get("properties")) if whole else ""
+        left_out = _left_out(feature.get("properties")) if whole else ()
         shapes += [
             replace(shape_of(part, name), sigma_m=sigma_m, recorded=recorded, left_out=left_out)
             for part in _to_wgs84(parts_of(made), crs)
@@ -443,10 +456,19 @@ def _recorded(properties: Any) -> bool | None:
     raise UserError(f"its {RECORDED} is {value!r}; give true or false")
 
 
-def _left_out(properties: Any) -> str:
+def _left_out(properties: Any) -> tuple[Mark, ...]:
     """Of a feature: what its file had inside it before."""
     value = properties.get(LEFT_OUT) if isinstance(properties, dict) else None
-    return value if isinstance(value, str) else ""
+    if value is None:
+        return ()
+    try:
+        marks = json.loads(value) if isinstance(value, str) else value
+        return tuple(Mark(str(name), float(lon), float(lat)) for name, lon, lat in marks)
+    except (TypeError, ValueError) as error:
+        raise UserError(
+            f"its {LEFT_OUT} is not a list of name, longitude and latitude each; remove it, and "
+            "look what stands in the field"
+        ) from error
 
 
 def _crs(data: dict[str, Any]) -> str:
@@ -551,7 +573,8 @@ def _write_gdal(path: Path, boundary: Boundary) -> None:
         values.append(np.array([boundary.recorded]))
     if driver == "GeoJSON" and boundary.left_out:
         fields.append(LEFT_OUT)
-        values.append(np.array([boundary.left_out], dtype=object))
+        marks = json.dumps([astuple(mark) for mark in boundary.left_out])
+        values.append(np.array([marks], dtype=object))
     pyogrio.raw.write(
         path,
         geometry=np.array([shapely.to_wkb(polygon)], dtype=object),

@@ -16,8 +16,17 @@ MIN_AREA_M2 = 1.0
 """Less is no field: a slip of the hand, or degrees that were taken for metres."""
 REACHES_IN = 0.1
 """Share of a small polygon that lies in a field: with less it stands beside it, drawn inexactly."""
-MOST_NAMED = 5
-"""Of what a field does not take from its file, in a message."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """Something in a field that its file has, and not as a keep-out."""
+
+    name: str
+    """And its kind of geometry."""
+    longitude: float
+    latitude: float
+    """A place of it in the field, degrees of WGS 84."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +43,8 @@ class Shape:
     """Why nobody can use it; its polygon is empty then."""
     mark: shapely.Geometry | None = None
     """A point, a line or the like that the file has, and no field; its polygon is empty then."""
-    left_out: str = ""
-    """What lies in the field besides its keep-outs, and nobody minds, by name."""
+    left_out: tuple[Mark, ...] = ()
+    """What lies in the field besides its keep-outs."""
 
 
 def shape_of(geometry: shapely.Geometry, name: str = "") -> Shape:
@@ -89,7 +98,7 @@ def chosen(found: Sequence[Shape], wanted: str = "") -> Shape:
     return replace(
         shapes[outer[index]],
         polygon=shapely.Polygon(own.exterior, holes),
-        left_out=", ".join(filter(None, [shapes[outer[index]].left_out, _named(left_out)])),
+        left_out=(*shapes[outer[index]].left_out, *(_mark(shape, own) for shape in left_out)),
     )
 
 
@@ -101,14 +110,11 @@ def _reaches_in(other: shapely.Geometry, own: shapely.Polygon) -> bool:
     return inside_m2 > min(MIN_AREA_M2, REACHES_IN * area_m2(other))
 
 
-def _named(shapes: Sequence[Shape]) -> str:
-    """Some of them, in words."""
-    said = [
-        f"{shape.name!r} ({(shape.mark or shape.polygon).geom_type})"
-        for shape in shapes[:MOST_NAMED]
-    ]
-    more = len(shapes) - len(said)
-    return ", ".join(said) + (f" and {more} more" if more else "")
+def _mark(shape: Shape, own: shapely.Polygon) -> Mark:
+    """Of a shape that reaches into a field."""
+    geometry = shape.mark or shape.polygon
+    place = shapely.intersection(own, geometry).representative_point()
+    return Mark(f"{shape.name!r} ({geometry.geom_type})", place.x, place.y)
 
 
 def _check(shapes: Sequence[Shape]) -> None:

@@ -246,18 +246,15 @@ class FieldDesk:
             raise UserError("there is no such corner")
         return polygon, corners
 
-    def _change(
-        self, polygon: shapely.Polygon, corner: int | None = None, *, kept_out: bool = False
-    ) -> None:
-        """`corner`: the number that the corner to begin at has from now on, where it changes.
-        `kept_out`: what stands in the field has been marked."""
+    def _change(self, polygon: shapely.Polygon, corner: int | None = None) -> None:
+        """`corner`: the number that the corner to begin at has from now on, where it changes."""
         if self.boundary is None or self.name is None:
             raise UserError("there is no field yet")
         if not polygon.is_valid:
             raise UserError("the field's sides would cross")
         was = self.boundary
         changed = boundary_of(polygon, was.frame, was.name, was.sigma_m, was.recorded)
-        changed = replace(changed, left_out="" if kept_out else was.left_out)
+        changed = replace(changed, left_out=was.left_out)
         if corner is not None:
             self.corner = corner
         self._save(self.name, changed)
@@ -300,8 +297,7 @@ class FieldDesk:
             raise UserError("a keep-out lies inside the field and its sides do not cross")
         holes = shapely.union_all([*map(shapely.Polygon, polygon.interiors), hole])
         self._change(
-            shapely.Polygon(outer.exterior, [p.exterior for p in shapely.get_parts(holes)]),
-            kept_out=True,
+            shapely.Polygon(outer.exterior, [p.exterior for p in shapely.get_parts(holes)])
         )
 
     def _walked(self) -> None:

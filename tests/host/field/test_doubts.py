@@ -10,8 +10,10 @@ from typing import Any
 
 import pytest
 
+from host.core.errors import UserError
 from host.core.frames import LocalFrame
 from host.field.boundary_file import Boundary, load_field, save_field
+from host.field.shapes import Mark
 from tests.helpers.console import Cli
 
 Ring = list[tuple[float, float]]
@@ -43,6 +45,11 @@ def saved(path: Path, *more: dict[str, Any]) -> Path:
     return path
 
 
+def names(field: Boundary) -> str:
+    """Of what it leaves out."""
+    return ", ".join(mark.name for mark in field.left_out)
+
+
 @pytest.mark.parametrize(
     ("more", "said"),
     [
@@ -61,7 +68,7 @@ def test_what_lies_in_the_field_and_is_no_keep_out_is_said(
     tmp_path: Path, more: dict[str, Any], said: str
 ) -> None:
     field = load_field(saved(tmp_path / "field.geojson", more), "North")
-    assert said in field.left_out
+    assert said in field.not_kept_out
     assert any(said in doubt and "drives over" in doubt for doubt in field.doubts)
     assert field.keep_outs == ()
 
@@ -80,7 +87,7 @@ def test_what_lies_in_the_field_and_is_no_keep_out_is_said(
 )
 def test_what_is_beside_it_or_kept_out_is_no_doubt(tmp_path: Path, more: dict[str, Any]) -> None:
     field = load_field(saved(tmp_path / "field.geojson", more), "1")
-    assert (field.left_out, field.doubts) == ("", [])
+    assert (field.left_out, field.doubts) == ((), [])
 
 
 def test_a_placemark_in_the_field_is_said(tmp_path: Path) -> None:
@@ -92,7 +99,7 @@ def test_a_placemark_in_the_field_is_said(tmp_path: Path) -> None:
         f"<Placemark><name>well</name><Point><coordinates>{lon},{lat}</coordinates></Point>"
         "</Placemark></Document></kml>"
     )
-    assert load_field(path).left_out == "'well' (Point)"
+    assert names(load_field(path)) == "'well' (Point)"
 
 
 def test_a_waypoint_in_the_field_is_said(tmp_path: Path) -> None:
@@ -103,7 +110,7 @@ def test_a_waypoint_in_the_field_is_said(tmp_path: Path) -> None:
         f'<wpt lat="{lat}" lon="{lon}"><name>tree</name></wpt>'
         f"<trk><trkseg>{track}</trkseg></trk></gpx>"
     )
-    assert load_field(path).left_out == "'tree' (Point)"
+    assert names(load_field(path)) == "'tree' (Point)"
 
 
 def points(ring: Ring, kind: str = "2", name: str = "") -> str:
@@ -134,7 +141,7 @@ def test_isoxml_obstacles_without_an_outline_are_said(
         '<ISO11783_TaskData VersionMajor="4"><PFD A="PFD1" C="North" D="0"><PLN A="1">'
         f'<LSG A="1">{points(FIELD)}</LSG></PLN>{element}</PFD></ISO11783_TaskData>'
     )
-    assert load_field(path).left_out == said
+    assert names(load_field(path)) == said
 
 
 def test_another_format_loses_nothing_unsaid(tmp_path: Path, cli: Cli) -> None:
@@ -143,13 +150,24 @@ def test_another_format_loses_nothing_unsaid(tmp_path: Path, cli: Cli) -> None:
         code, out, _ = cli("convert", str(source), str(tmp_path / target), "--field", "North")
         assert code == 0
         assert "'pond' (Polygon)" in out
-    assert load_field(tmp_path / "kept.geojson").left_out == "'pond' (Polygon)"
+    assert names(load_field(tmp_path / "kept.geojson")) == "'pond' (Polygon)"
 
 
 def test_it_is_kept_with_the_field(tmp_path: Path) -> None:
     crop = tuple(FRAME.to_wgs84(*place) for place in FIELD)
-    save_field(path := tmp_path / "field.geojson", Boundary(crop, left_out="'well' (Point)"))
-    assert load_field(path).left_out == "'well' (Point)"
+    latitude, longitude = FRAME.to_wgs84(20.0, 15.0)
+    well = Mark("'well' (Point)", longitude, latitude)
+    save_field(path := tmp_path / "field.geojson", Boundary(crop, left_out=(well,)))
+    assert load_field(path).left_out == (well,)
+
+
+@pytest.mark.parametrize("wrong", ["well", "[1]", '[["well", "east", 3]]', 7])
+def test_a_list_of_it_that_was_spoilt_is_told(tmp_path: Path, wrong: Any) -> None:
+    spoilt = polygon("North", FIELD)
+    spoilt["properties"]["left_out"] = wrong
+    (path := tmp_path / "field.geojson").write_text(json.dumps(spoilt))
+    with pytest.raises(UserError, match="its left_out is not a list"):
+        load_field(path)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import pytest
 from host.core.frames import LocalFrame
 from host.core.vehicle import Vehicle
 from host.field.boundary_file import Boundary, load_field, save_field
+from host.field.shapes import Mark
 from host.panel.fields import FieldDesk
 from tests.helpers.walker import Place
 
@@ -137,14 +138,23 @@ def test_a_corner_that_cannot_go_changes_nothing(tmp_path: Path) -> None:
     assert corners(tmp_path) == close(PLACES)
 
 
-def test_what_stands_in_the_field_stays_said_until_a_keep_out_is_marked(tmp_path: Path) -> None:
+def test_what_stands_in_the_field_stays_said_until_a_keep_out_lies_around_it(
+    tmp_path: Path,
+) -> None:
     found = desk(tmp_path)
     assert found.boundary is not None
-    marked = replace(found.boundary, left_out="'well' (Point)")
-    save_field(tmp_path / "field.geojson", marked)
+    marks = []
+    for name, place in (("'well' (Point)", (8.8, 8.5)), ("'tree' (Point)", (4.0, 4.0))):
+        latitude, longitude = found.boundary.frame.to_wgs84(*place)
+        marks.append(Mark(name, longitude, latitude))
+    save_field(tmp_path / "field.geojson", replace(found.boundary, left_out=tuple(marks)))
     found.do({"do": "open", "name": "field.geojson"})
     found.do({"do": "move_corner", "index": 2, "x": 13.5, "y": 12.5})
-    assert found.boundary.left_out == "'well' (Point)"
+    assert "'well' (Point), 'tree' (Point)" in found.boundary.not_kept_out
     found.do({"do": "keep_out", "ring": [(8, 8), (9, 8), (9, 9)]})
     assert found.problem == ""
-    assert (len(found.boundary.keep_outs), found.boundary.left_out) == (2, "")
+    assert len(found.boundary.keep_outs) == 2
+    assert "'tree'" in found.boundary.not_kept_out
+    assert "'well'" not in found.boundary.not_kept_out
+    found.do({"do": "keep_out", "ring": [(3.5, 3.5), (4.5, 3.5), (4.5, 4.5), (3.5, 4.5)]})
+    assert found.boundary.not_kept_out == ""
