@@ -32,6 +32,10 @@ BEGIN_PICTURES: Final = 5
 BEGUN_EARLY_M: Final = 0.4
 """Before where a machine that backed away from it saw the crop begin: what then seems to stand at
 the blade is a last swath, or stalks of the strip before (model field 10334)."""
+FAR_PICTURES: Final = 3
+"""Sure ones that show the crop far ahead: one of them may overlook what stands close by (155 of
+11,043 pictures of standing crop within 0.6 m, 179 of 1,779 of lying crop: the model eyes' library).
+"""
 EDGE_SURE: Final = (0.7, 10)
 """Dust makes the edge seem too far inside, never too far outside, and most pictures unsure: an edge
 that has moved inside counts where at least this share of so many pictures are sure."""
@@ -57,6 +61,8 @@ class Ahead:
         """Where the blade met this side's crop."""
         self.crop_at_m = math.inf
         """The travelled distance at which this side's crop begins, by its nearest sight."""
+        self._sights: deque[float] = deque(maxlen=FAR_PICTURES)
+        """The same by the latest sights."""
         self._begins: list[float] = []
         self._begins_at_m = math.nan
         self.approached = True
@@ -99,9 +105,15 @@ class Ahead:
         """Whether crop at the blade may be the side's."""
         return not then.distance_m < self.begins_at_m - BEGUN_EARLY_M
 
+    def surely_clear_m(self, here: Motion) -> float:
+        """So much of the way ahead is clear by each of the latest sights; 0 with fewer of them."""
+        whole = len(self._sights) == FAR_PICTURES
+        return min(self._sights) - here.distance_m if whole else 0.0
+
     def turn(self) -> None:
         """To the next side: its crop may be seen already while the machine turns."""
         self.crop_at_m = math.inf
+        self._sights.clear()
         self._begins.clear()
         self._begins_at_m = math.nan
         self.approached = True
@@ -144,7 +156,9 @@ class Ahead:
     def sight(self, view: CropView, then: Motion) -> None:
         """Of a sure picture: where the crop begins. Crop that was seen does not recede: where dust
         hides its foot from then on, the way to it says when the blade has met it."""
-        self.crop_at_m = min(self.crop_at_m, then.distance_m + view.crop_ahead_m)
+        at_m = then.distance_m + view.crop_ahead_m
+        self.crop_at_m = min(self.crop_at_m, at_m)
+        self._sights.append(at_m)
         self._stood_off = self._stood_off or view.crop_ahead_m > AT_BLADE_M
 
     def back_away(self, view: CropView, then: Motion) -> None:

@@ -36,6 +36,9 @@ WENT_ON_SIGMA_M = 0.3
 """Which an end that was none has moved the machine by: such ends were 0.2 to 0.4 m early."""
 BLADE_ON_M = 0.6
 """Before the crop of a side."""
+CLEAR_M = 1.2
+"""Of ground that pictures show to be clear, against the plan that has crop there: what stands
+farther off may seem half as far again."""
 LYING_M, STOPS_M = 0.5, 0.8
 """Of ground on which crop seems to lie, besides a patch, that the blade may cross: most patches of
 lodged crop end, or show crop that stands, within so much. And of the gap what is left for the
@@ -141,8 +144,11 @@ class PlannedStrip(PlanSide):
         if self.ahead.entered:
             return True
         here = self.estimate.motion
-        seen = self.ahead.crop_at_m - here.distance_m
-        return min(seen, -self.along_m(here)) < BLADE_ON_M
+        if self.ahead.crop_at_m - here.distance_m < BLADE_ON_M:
+            return True
+        # By the plan alone the machine may stand beyond its field's end.
+        due = -self.along_m(here) < BLADE_ON_M
+        return due and self.ahead.surely_clear_m(here) < CLEAR_M
 
     @property
     def _begin_seen(self) -> bool:

@@ -13,6 +13,7 @@ from host.estimate.crop_ahead import (
     BEGUN_EARLY_M,
     END_CLEAR_M,
     END_PICTURES,
+    FAR_PICTURES,
     NEAR_CROP_M,
     Ahead,
     EndOfField,
@@ -133,6 +134,23 @@ def test_clear_ground_before_the_crop_is_no_end() -> None:
     for k in range(2 * END_PICTURES):
         shown(ahead, 0.1 * k, math.inf)
     assert ahead.end is None
+
+
+def test_the_way_ahead_is_surely_clear_as_far_as_the_latest_pictures_agree() -> None:
+    ahead = Ahead()
+    for k in range(FAR_PICTURES - 1):
+        shown(ahead, 0.1 * k, 3.0)
+    assert ahead.surely_clear_m(at(0.0)) == 0.0, "of too few pictures"
+    shown(ahead, 0.5, 2.0)
+    assert ahead.surely_clear_m(at(0.5)) == pytest.approx(2.0)
+    assert ahead.surely_clear_m(at(1.5)) == pytest.approx(1.0), "the machine has come nearer"
+    for k in range(FAR_PICTURES):
+        shown(ahead, 1.5 + 0.1 * k, math.inf)
+    assert ahead.surely_clear_m(at(1.7)) == math.inf, "what one picture has shown before is gone"
+    shown(ahead, 1.8, 0.3)
+    assert ahead.surely_clear_m(at(1.8)) == pytest.approx(0.3), "one shows it again"
+    ahead.turn()
+    assert ahead.surely_clear_m(at(1.8)) == 0.0
 
 
 def test_the_next_side_knows_nothing_of_the_last_but_the_dust() -> None:

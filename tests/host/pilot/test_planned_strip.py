@@ -15,6 +15,7 @@ from host.estimate.position import Aside
 from host.pilot.turn_progress import Turning
 from host.route.plan import Plan, spiral
 from host.route.turn_legs import shuttle
+from host.vision.view import CropView
 from tests.helpers.behaving import (
     CUTTING,
     NOW,
@@ -57,6 +58,22 @@ def test_crop_whose_beginning_a_shuttle_has_pressed_down_tells_no_place(
     before = context.estimate.position.pose
     context.strip.met_begin(0.0)
     assert (context.estimate.position.pose != before) is tells
+
+
+@pytest.mark.parametrize(
+    ("pictures_m", "turns"),
+    [((), True), ((3.0, 3.0), True), ((3.0, 3.0, 3.0), False), ((0.5, 3.0, 3.0, 3.0), True)],
+)
+def test_where_pictures_show_clear_ground_the_blade_does_not_turn_by_the_plan_alone(
+    pictures_m: tuple[float, ...], turns: bool
+) -> None:
+    """Beyond its field's end the machine would cut the neighbour's crop with it."""
+    context = on_side(1, cut_m=None)
+    assert abs(context.strip.along_m(context.motion)) < 0.1, "the plan has its crop at the blade"
+    for ahead_m in pictures_m:
+        view = CropView(0.9, crop_ahead_m=ahead_m, ahead_confidence=0.9)
+        context.sight.ahead.sight(view, context.motion)
+    assert context.strip.blade_due() is turns
 
 
 @pytest.mark.parametrize(("early_m", "most_m"), [(0.0, 0.4), (1.0, 0.15)])
