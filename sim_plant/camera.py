@@ -339,7 +339,8 @@ class Camera:
         blade_on: bool = False,
     ) -> Shot:
         """Freezes what a picture at time `t` (s) from a pose depends on. Roll is positive clockwise
-        seen from behind, pitch nose down; both in radians, from the ground below the vehicle."""
+        seen from behind, pitch nose down; both in radians and against the field's plane
+        (`Field.bumps`)."""
         return Shot(t, x, y, yaw, roll, pitch, v, yaw_rate, blade_on, self._watch.take())
 
     def capture(
@@ -405,7 +406,8 @@ class Camera:
     # ---- rendering ------------------------------------------------------------------------------
 
     def view(self, shot: Shot) -> render.View:
-        """Where the camera truly is at a shot, ground's slope and vibration included."""
+        """Where the camera truly is at a shot, above the field's plane, bumps and vibration
+        included."""
         s = self.spec
         instant = round(shot.t * 1e6)
         shake = [s.vibration_deg * noise.normal(self._seed + k, instant, 0) for k in (3, 4)]

@@ -382,17 +382,42 @@ class Field:
         return any(math.hypot(x - t.x_m, y - t.y_m) < t.crown_radius_m for t in self.spec.trees)
 
     def slopes(self, x: float, y: float, yaw: float) -> tuple[float, float]:
-        """(roll, pitch) in radians that the ground gives the vehicle: roll positive clockwise seen
-        from behind, pitch positive nose down."""
+        """(roll, pitch) of the vehicle on this ground against the vertical, radians: roll positive
+        clockwise seen from behind, pitch positive nose down."""
         return slopes_at(self.figures, x, y, yaw)
+
+    def bumps(self, x: float, y: float, yaw: float) -> tuple[float, float]:
+        """The same against the field's plane: what a camera sees of it. On a slope the ground
+        before the vehicle slopes, too."""
+        return bumps_at(self.figures, x, y, yaw)
 
 
 @njit(cache=True, nogil=True)
 def slopes_at(f: Figures, x: float, y: float, yaw: float) -> tuple[float, float]:
     """`Field.slopes`."""
+    side, long = _bumps(f, x, y)
+    return _tipped(f.side_slope_deg + side, f.long_slope_deg + long, yaw)
+
+
+@njit(cache=True, nogil=True)
+def bumps_at(f: Figures, x: float, y: float, yaw: float) -> tuple[float, float]:
+    """`Field.bumps`."""
+    side, long = _bumps(f, x, y)
+    return _tipped(side, long, yaw)
+
+
+@njit(cache=True, nogil=True)
+def _bumps(f: Figures, x: float, y: float) -> tuple[float, float]:
+    """How much more than the plane the ground rises there to the north and to the east, degrees."""
     k, sd = f.bumps_1pm, f.bump_deg
-    side = f.side_slope_deg + sd * (noise.smooth(f.seed + 101, x * k, y * k) - 0.5)
-    long = f.long_slope_deg + sd * (noise.smooth(f.seed + 102, x * k, y * k) - 0.5)
+    side = sd * (noise.smooth(f.seed + 101, x * k, y * k) - 0.5)
+    return side, sd * (noise.smooth(f.seed + 102, x * k, y * k) - 0.5)
+
+
+@njit(cache=True, nogil=True)
+def _tipped(side: float, long: float, yaw: float) -> tuple[float, float]:
+    """(roll, pitch), radians, of a vehicle on ground that rises by so many degrees to the north and
+    to the east."""
     c, s = math.cos(yaw), math.sin(yaw)
     up = math.radians(long) * c + math.radians(side) * s
     left_up = -math.radians(long) * s + math.radians(side) * c

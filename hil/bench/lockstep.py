@@ -159,7 +159,7 @@ class Bench(contextlib.AbstractContextManager["Bench"]):
         """Freezes what the camera sees now; `camera.develop` makes the picture, in any thread."""
         s = self.state
         x, y, yaw = self.pose
-        roll, pitch = self.field.slopes(x, y, yaw)
+        roll, pitch = self.field.bumps(x, y, yaw)
         return self.camera.shutter(
             self.now,
             x,

@@ -112,7 +112,7 @@ def _seen(edge: Edge, pose: tuple[float, float, float], gap_m: float) -> CropVie
     camera = Camera(edge.crop, scenario.world.lens, scenario.weather, scenario.seed, threads=1)
     detector = make_detector("robust", edge.vehicle, scenario.mount)
     detector.next_crop(gap_m)
-    roll, pitch = edge.crop.slopes(*pose)
+    roll, pitch = edge.crop.bumps(*pose)
     view = CropView(0.0)
     for k in range(PICTURES):
         bgr = camera.capture(0.1 * k, *pose, roll, pitch, 0.0, 0.0, False)

@@ -193,7 +193,7 @@ def drive(seed: int, mount: CameraSpec, seconds: float, fps: float) -> Iterator[
             new = (x + 0.005 * math.cos(yaw), y + 0.005 * math.sin(yaw), yaw + rate / 100)
             crop.cut((x, y, yaw), new)
             x, y, yaw = new
-        roll, pitch = crop.slopes(x, y, yaw)
+        roll, pitch = crop.bumps(x, y, yaw)
         picture = camera.capture(t, x, y, yaw, roll, pitch, 0.5, rate, blade_on=True)
         label = colour_labels(camera.labels(t, x, y, yaw, roll, pitch, 0.5, rate))
         yield np.hstack([_through_jpeg(camera, picture), label])

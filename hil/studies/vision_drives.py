@@ -271,7 +271,7 @@ def drive_along(edge: Edge) -> Iterator[Seen]:
             rate = (here[2] - before[2]) / (STEP_M / CUT_STEPS / speed)
             before = here
         x, y, yaw = before
-        roll, pitch = crop.slopes(x, y, yaw)
+        roll, pitch = crop.bumps(x, y, yaw)
         t = k * STEP_M / speed
         # the pilot looks before it lets the blade spin
         bgr = camera.capture(t, x, y, yaw, roll, pitch, speed, rate, k > 0)

@@ -237,6 +237,21 @@ def test_slopes_turn_with_the_vehicle() -> None:
     assert north == pytest.approx((0.0, -math.radians(5)))
 
 
+LEVEL, SLOPING = (
+    Field(PLAIN.model_copy(update={"side_slope_deg": slope, "bump_sd_deg": 1.0}))
+    for slope in (0.0, 5.0)
+)
+
+
+@given(x=st.floats(0.1, 6.0), y=st.floats(0.0, 6.0), yaw=st.floats(-3.1, 3.1))
+def test_against_the_plane_a_vehicle_tips_by_the_bumps_alone(
+    x: float, y: float, yaw: float
+) -> None:
+    tipped = SLOPING.bumps(x, y, yaw)
+    assert tipped == LEVEL.bumps(x, y, yaw) == LEVEL.slopes(x, y, yaw)
+    assert tipped != (0.0, 0.0)
+
+
 @pytest.mark.parametrize(
     ("bad", "word"),
     [

@@ -6,6 +6,7 @@ import ctypes
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 
 from hil.bench.lockstep import Bench
@@ -91,6 +92,16 @@ def test_cutting_loads_the_wheels() -> None:
                 bench.field.clear(((-1.0, -1.0), (5.0, -1.0), (5.0, 4.0), (-1.0, 4.0)))
             speeds.append(sum(driven(bench, 4.0)[-20:]) / 20)
     assert speeds[0] < 0.97 * speeds[1]
+
+
+def test_the_ground_before_the_camera_slopes_with_the_ground_below_it() -> None:
+    """On a plane, whatever its slope, a picture shows the same."""
+    pictures = []
+    for slope in (0.0, 5.0):
+        field = {"size_m": (4.0, 3.0), "side_slope_deg": slope, "long_slope_deg": slope}
+        with made(field=field) as bench:
+            pictures.append(bench.camera.develop(bench.shutter()))
+    assert np.array_equal(*pictures)
 
 
 def test_uphill_it_is_slower() -> None:
