@@ -8,7 +8,7 @@ machine into another's crop.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from statistics import median_high
 from typing import Final
 
@@ -50,10 +50,27 @@ class Gaps:
         """By the boundary's edges that they lie beyond."""
         self.room_m = math.inf
         """From the side's end that was left last to the next crop, as seen there."""
+        self._nearer: dict[int, float] = {}
+        self.gathers = False
+        """Whether the machine is on its way to what it has left standing."""
+
+    def leave(self) -> None:
+        """The side's end is left behind."""
+        self.room_m, self._nearer = math.inf, {}
 
     def note(self, edge: int, gap_m: float) -> None:
         """So wide it was seen to be beyond an edge of the boundary."""
         self._seen[edge] = gap_m
+
+    def at_end(self, edges: Sequence[int], room_m: float, *, sure: bool) -> float:
+        """At the end of a side, beyond which the first of these edges lies, so much room was seen
+        to the next crop; if not `sure`, to what may be the side's own. Returns the gap that the
+        turn is to reckon with along all edges."""
+        if sure:
+            self.room_m = room_m
+            return min(self.beside(edges), self.narrowed(room_m))
+        self._nearer = {edges[0]: max(0.0, room_m)}
+        return self.beside(edges)
 
     def knows(self, edge: int) -> bool:
         """Whether the gap beyond an edge has been seen."""
@@ -93,6 +110,14 @@ class Gaps:
         return max(0.0, narrowest_m - RECKONED_M)
 
     @property
+    def nearer(self) -> dict[int, float]:
+        """By the boundary's edge: how far beyond the side's end that was left last something stands
+        there, where that is less clear ground than ends a side. It may be the side's own, and tells
+        of no gap."""
+        doubt_m = RECKONED_M if self.gathers else 0.0
+        return {edge: max(0.0, room_m - doubt_m) for edge, room_m in self._nearer.items()}
+
+    @property
     def least_m(self) -> float:
         """The narrowest, by what was said and by every edge that has been looked at."""
         return self.narrowed(min(self._seen.values(), default=math.inf))
@@ -112,6 +137,7 @@ class Gaps:
         least_m = min(self._seen.values(), default=math.inf)
         if self.contradicts(least_m):
             return f"{said}, pictures show {least_m:.1f} m at one side"
-        if self.narrowed(self.room_m) != self.said_m:
-            return f"{said}, something stands {max(0.0, self.room_m):.1f} m beyond the side's end"
+        room_m = min([self.room_m, *self._nearer.values()])
+        if self.contradicts(room_m):
+            return f"{said}, something stands {max(0.0, room_m):.1f} m beyond the side's end"
         return ""

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import enum
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 import shapely
@@ -28,6 +30,8 @@ MAX_INSET_M = 20.0
 """Nobody cuts a wider border by hand."""
 KEEP_OUT_MARGIN_M = 0.3
 """Around a tree, a well or a pole as it was walked."""
+MITRE = 5.0
+"""As many gaps away, at most, a sharp corner's gap has its own (shapely's mitre limit)."""
 BLADE_DEPTH_M = 0.05
 """How far the blade reaches ahead of its line; twice that behind it."""
 
@@ -58,11 +62,13 @@ def areas_of(
     inset_m: float = 0.0,
     margin_m: float = GAP_MARGIN_M,
     keep_out_margin_m: float = KEEP_OUT_MARGIN_M,
+    nearer: Mapping[int, float] = MappingProxyType({}),
 ) -> Areas:
     """The areas of a field (its holes the keep-outs) with a gap of gap_m to the neighbours' crop on
-    all sides, None where nobody has measured it. The inset is the paper's other approach: a
-    boundary "slightly inside our target field to cater for the positional errors" (II);
-    `Areas.price` says what it costs.
+    all sides, None where nobody has measured it; beyond some edges, numbered by their first corner,
+    something stands `nearer`, m. The inset is the paper's other approach: a boundary "slightly
+    inside our target field to cater for the positional errors" (II); `Areas.price` says what it
+    costs.
 
     UserError where a length is negative, the margin exceeds the gap, or what is left to cut is
     nothing or falls apart."""
@@ -103,7 +109,29 @@ def areas_of(
     permitted = None
     if gap_m is not None:
         permitted = shapely.Polygon(outline.buffer(gap_m - margin_m, join_style="mitre").exterior)
+        beyond = [_beyond(outline, at, max(0.0, m - margin_m), gap_m) for at, m in nearer.items()]
+        if beyond:
+            left = permitted.difference(shapely.union_all(beyond)).union(outline)
+            largest = max(shapely.get_parts(left), key=lambda part: float(part.area))
+            permitted = shapely.Polygon(largest.exterior)
     return Areas(field, crop, permitted, grown)
+
+
+def _beyond(outline: shapely.Polygon, edge: int, from_m: float, gap_m: float) -> shapely.Polygon:
+    """What lies farther than from_m outside of an edge, and past its ends as far as the gap is
+    wide, where the field does not go on there."""
+    ring = shapely.get_coordinates(outline.exterior)[:-1]
+    out = 1.0 if outline.exterior.is_ccw else -1.0
+    before, begin, end, after = (ring[(edge + k) % len(ring)] for k in (-1, 0, 1, 2))
+    (x, y), (into_x, into_y), (on_x, on_y) = end - begin, begin - before, after - end
+    along = np.array((x, y)) / math.hypot(x, y)
+    across = out * np.array((along[1], -along[0]))
+    if out * (into_x * y - into_y * x) > 0.0:
+        begin = begin - gap_m * along
+    if out * (x * on_y - y * on_x) > 0.0:
+        end = end + gap_m * along
+    near, far = from_m * across, MITRE * gap_m * across
+    return shapely.Polygon([begin + near, begin + far, end + far, end + near])
 
 
 def outline_of(vehicle: Vehicle) -> NDArray[np.float64]:

@@ -152,7 +152,8 @@ class Context:
         if plan is not None:
             plan = replace(plan, gap_m=self.plan.gap_m)
             if not anew.taken:
-                self.guard = Guard(plan, self.vehicle, self.estimate.position)
+                nearer = self.guard.nearer
+                self.guard = Guard(plan, self.vehicle, self.estimate.position, nearer)
             self.plan, self.strip = plan, strip.laid_anew(plan)
         anew.taken = True
         if anew.over:
@@ -239,9 +240,8 @@ class Context:
                 self.strip.met_end_surely()
             beyond = self.strip.gap_beyond() or beyond
         room_m = across(beyond.past_m + ahead_m, beyond.askew_rad, wide_m)
-        gaps.room_m = min(gap_m, room_m) if sure else room_m
-        least_m = gaps.narrowed(gaps.room_m) if sure else max(0.0, room_m)
-        self._reckon_with(min(gaps.beside(beyond.edges), least_m))
+        room_m = min(gap_m, room_m) if sure else room_m
+        self._reckon_with(gaps.at_end(beyond.edges, room_m, sure=sure))
 
     def doubts_beyond(self, ahead_m: float) -> bool:
         """Whether crop ahead_m before the blade contradicts what was said of the gap."""
@@ -272,14 +272,15 @@ class Context:
 
     def reckon_with_gap(self) -> None:
         """On a strip the gap is what is known of it, whatever was seen at the last one's end."""
-        gathers = bool(self.remains.ended_by)
-        self._reckon_with(self.gaps.gathering_m if gathers else self.gaps.field_m)
+        self.gaps.gathers = bool(self.remains.ended_by)
+        self._reckon_with(self.gaps.gathering_m if self.gaps.gathers else self.gaps.field_m)
 
     def _reckon_with(self, gap_m: float) -> None:
         """So wide the gap is from here on."""
-        if self.plan.gap_m is not None and gap_m != self.plan.gap_m:
+        known, nearer = self.plan.gap_m is not None, self.gaps.nearer
+        if known and (gap_m, nearer) != (self.plan.gap_m, self.guard.nearer):
             self.plan = replace(self.plan, gap_m=gap_m)
-            self.guard = Guard(self.plan, self.vehicle, self.estimate.position)
+            self.guard = Guard(self.plan, self.vehicle, self.estimate.position, nearer)
 
     def _tell_gap(self) -> None:
         """Vision tells by it what dust hides from what stands beyond."""
@@ -312,7 +313,7 @@ class Context:
             self.left_standing_m2 += max(0.0, self._passes_m2 - self.strip.left_m2)
             self._passes_m2 = None
         self.turning = None
-        self.gaps.room_m = math.inf
+        self.gaps.leave()
         self.reckon_with_gap()
         self._tell_gap()
         self.strip.begin_lane()

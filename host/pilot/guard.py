@@ -4,8 +4,9 @@ must not be."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 import shapely
@@ -130,7 +131,15 @@ class SeenFree:
 class Guard:
     """The geofence of a plan with boundary and gap; without them everything passes."""
 
-    def __init__(self, plan: Plan, vehicle: Vehicle, position: Position) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        vehicle: Vehicle,
+        position: Position,
+        nearer: Mapping[int, float] = MappingProxyType({}),
+    ) -> None:
+        self.nearer = dict(nearer)
+        """By the boundary's edge: what stands beyond it nearer than the gap is wide, m."""
         self._vehicle = vehicle
         self._position = position
         self._outline = outline_of(vehicle)
@@ -139,7 +148,7 @@ class Guard:
         if plan.boundary and plan.gap_m is not None:
             field = shapely.Polygon(plan.boundary, plan.keep_outs)
             margin = min(GAP_MARGIN_M, plan.gap_m)
-            areas = areas_of(field, plan.gap_m, margin_m=margin)
+            areas = areas_of(field, plan.gap_m, margin_m=margin, nearer=nearer)
             self._fence = Geofence(areas)
             rings = [list(out.exterior.coords) for out in areas.keep_outs]
             self._clear = KeepClear(rings, self._fence.sigmas, vehicle, position)

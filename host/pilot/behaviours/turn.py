@@ -66,6 +66,11 @@ class Why(Reason):
         Doing.FAULT,
         "no room to turn {deg} deg more: drive it to where it has, or to a corner of what stands",
     )
+    NO_ROOM_BACK = (
+        Doing.FAULT,
+        "no room to back to where its strip begins, {behind} m behind it: drive it to a corner of "
+        "what stands",
+    )
     NO_WAY = Doing.GATHER, "{side}: no way leads there"
     IN_THE_WAY = (
         Doing.FAULT,
@@ -118,13 +123,12 @@ class DriveTurn(Behaviour):
                 context.remains.no_way()
                 return context.hold(), Why.NO_WAY.go(side=context.strip.name)
         if turning.leg is None:
-            _, turned = turning.against_lane(context.motion)
-            if turning.broken_off and context.strip.placed and abs(turned) > ACROSS_RAD:
+            expected_m = turning.crop_expected_m(context.motion, context.vehicle.blade_x_m)
+            go = self._missed(-expected_m)
+            if go is not None:
                 if leave_rest(context):
                     return context.hold(), Why.LEFT_NO_ROOM.go()
-                go = Why.NO_ROOM.go(deg=f"{math.degrees(abs(turned)):.0f}")
                 return context.hold(), or_elsewhere(context, go)
-            expected_m = turning.crop_expected_m(context.motion, context.vehicle.blade_x_m)
             context.sight.ahead.approached = context.strip.new or expected_m > -INSIDE_M
             return context.hold(), Why.TURNED.go()
         leg = turning.leg
@@ -162,6 +166,19 @@ class DriveTurn(Behaviour):
         turning.broken_off = True
         if (turning.backing and not self._off_lane()) or not self._begin_search():
             self._next(now)
+        return None
+
+    def _missed(self, behind_m: float) -> Go | None:
+        """Where a turn that was broken off has not led to its strip: across it still, or beside it
+        so far beyond its beginning that what it would cut there is another's."""
+        turning = self.turning
+        if turning.passes or not (turning.broken_off and self.context.strip.placed):
+            return None
+        _, turned = turning.against_lane(self.context.motion)
+        if abs(turned) > ACROSS_RAD:
+            return Why.NO_ROOM.go(deg=f"{math.degrees(abs(turned)):.0f}")
+        if self._off_lane() and behind_m > SHORT_M[-1]:
+            return Why.NO_ROOM_BACK.go(behind=f"{behind_m:.0f}")
         return None
 
     def _goes_elsewhere(self) -> bool:

@@ -99,6 +99,27 @@ def test_crop_close_beyond_an_end_is_named_as_long_as_the_turn_lasts() -> None:
     assert gaps.field_m == 2.0
 
 
+def test_what_stands_closer_than_an_end_is_no_gap_and_narrows_its_edge_alone() -> None:
+    gaps = Gaps(2.0)
+    assert gaps.at_end((3, 2), 0.6, sure=False) == 2.0
+    assert gaps.nearer == {3: 0.6}
+    assert "something stands 0.6 m beyond the side's end" in gaps.wrong
+    assert gaps.gathering_m == pytest.approx(2.0 - RECKONED_M)
+    gaps.gathers = True
+    assert gaps.nearer == {3: pytest.approx(0.6 - RECKONED_M)}
+    assert gaps.at_end((1, 0), -0.2, sure=False) == 2.0
+    assert gaps.nearer == {1: 0.0}, "of the end that was left last"
+    gaps.leave()
+    assert (gaps.nearer, gaps.wrong) == ({}, "")
+
+
+def test_a_gap_that_is_seen_narrows_all_edges_for_the_turn() -> None:
+    gaps = Gaps(2.0)
+    assert gaps.at_end((3, 2), 1.2, sure=True) == pytest.approx(1.2 - SEEN_M)
+    assert gaps.nearer == {}
+    assert gaps.field_m == 2.0, "along the next strip it is what it was"
+
+
 def test_crop_is_the_sides_own_where_no_gap_is_so_narrow() -> None:
     assert Gaps(2.0).too_narrow(0.5, 0.1)
     assert not Gaps(2.0).too_narrow(0.5, 0.2), "it may stand beyond a narrow one"

@@ -32,6 +32,33 @@ def test_wheels_may_go_up_to_the_neighbours_crop_less_a_margin() -> None:
     assert AREAS.permitted.equals(shapely.box(-reach, -reach, 20 + reach, 20 + reach))
 
 
+L_SHAPE = ((0.0, 0.0), (20.0, 0.0), (20.0, 8.0), (9.0, 8.0), (9.0, 15.0), (0.0, 15.0))
+
+
+@pytest.mark.parametrize("turned", [1, -1])
+@given(
+    edge=st.integers(0, 5), nearer_m=st.floats(0.0, 1.5), x=st.floats(-4, 24), y=st.floats(-4, 19)
+)
+def test_beyond_one_edge_the_machine_may_go_no_farther_than_to_what_stands_nearer(
+    turned: int, edge: int, nearer_m: float, x: float, y: float
+) -> None:
+    field, at = shapely.Polygon(L_SHAPE[::turned]), shapely.Point(x, y)
+    ring = shapely.get_coordinates(field.exterior)
+    areas, as_said = (areas_of(field, GAP_M, nearer=n) for n in ({edge: nearer_m}, {}))
+    assert areas.permitted is not None and as_said.permitted is not None
+    assert areas.permitted.is_valid
+    may, could = areas.permitted.contains(at), as_said.permitted.contains(at)
+    assert could or not may
+    assert may or not field.contains(at), "wherever the field is"
+    beyond = [shapely.LineString(ring[k : k + 2]).distance(at) for k in range(6)]
+    if not field.contains(at) and min(beyond) == beyond[edge] < min(
+        GAP_M, *beyond[:edge], *beyond[edge + 1 :]
+    ):
+        assert may is (beyond[edge] < max(0.0, nearer_m - GAP_MARGIN_M)) or not could
+    elif could and min(b for k, b in enumerate(beyond) if abs(k - edge) not in (0, 1, 5)) < 1.0:
+        assert may, "the other edges keep their room"
+
+
 def test_the_price_is_the_share_that_stays_standing() -> None:
     plain = shapely.box(0, 0, 20, 10)
     assert areas_of(plain, GAP_M).price == 0.0

@@ -15,7 +15,7 @@ from host.estimate.cut_guard import CutGuard
 from host.estimate.gaps import SEEN_M
 from host.estimate.measurements.end import EARLY_M
 from host.estimate.prior import START_SIGMA
-from host.field.areas import Level, Verdict
+from host.field.areas import GAP_MARGIN_M, Level, Verdict
 from host.pilot.behaviours.look_beyond import APART_M, PICTURES, PLACES, STAND_M, LookBeyond
 from host.pilot.behaviours.look_beyond import Why as Beyond
 from host.pilot.behaviours.wait_for_camera import WaitForCamera
@@ -41,6 +41,16 @@ def at_end(cut_m: float = 10.0) -> Context:
     assert go.reason is Elsewhere.AT_BOUNDARY
     assert go.reason.to is Doing.LOOK_BEYOND
     return context
+
+
+def room_m(context: Context, edge: int) -> float:
+    """How far beyond the middle of an edge of the square the machine may be, with the margin that
+    it keeps."""
+    permitted = context.guard.permitted
+    assert permitted is not None
+    west, south, east, north = permitted.bounds
+    reach = {0: -south, 1: east - 10.0, 2: north - 10.0, 3: -west}[edge]
+    return float(reach) + GAP_MARGIN_M
 
 
 def pictures(context: Context, behaviour: LookBeyond, ahead_m: float, count: int) -> Go | None:
@@ -309,7 +319,7 @@ def test_crop_closer_than_an_end_leaves_the_turn_that_room_unless_it_is_misread(
     context = at_end()
     context.sight.ahead.clear_count, context.sight.ahead.clear_since = 3, clear_ahead(context)
     context.saw_beyond(ahead_m)
-    assert context.plan.gap_m == pytest.approx(gap_m, abs=0.05)
+    assert room_m(context, 2) == pytest.approx(gap_m, abs=0.05)
     assert not context.gaps.knows(2)
 
 
@@ -317,8 +327,19 @@ def test_an_end_that_a_look_has_shown_leaves_the_turn_no_more_room_than_that_loo
     context = at_end()
     context.sight.ahead.go_on()
     context.saw_beyond(0.3)
-    assert context.plan.gap_m == pytest.approx(0.3 - EARLY_M, abs=0.05)
+    assert room_m(context, 2) == pytest.approx(0.3 - EARLY_M, abs=0.05)
     assert "beyond the side's end" in context.gaps.wrong
+
+
+def test_what_stands_close_beyond_an_end_leaves_the_other_edges_their_room() -> None:
+    """What stands there may be the side's own. With so little room all around a machine would not
+    even be let back along its own swath (random field 10638)."""
+    context = at_end()
+    context.sight.ahead.go_on()
+    context.saw_beyond(0.3)
+    assert [room_m(context, edge) for edge in (0, 1, 3)] == pytest.approx([2.0] * 3)
+    context.begin_strip()
+    assert room_m(context, 2) == pytest.approx(2.0), "it is the turn's alone"
 
 
 def test_crop_right_beyond_an_end_that_may_be_none_may_be_the_sides_own_and_proves_no_gap() -> None:

@@ -190,6 +190,31 @@ def test_another_way_is_looked_for_so_often_and_then_a_person_is_asked(
     assert go is not None and "80 deg" in go.text
 
 
+@pytest.mark.parametrize(
+    ("broken_off", "aside_m", "behind_m", "missed"),
+    [
+        (True, 0.9, 9.0, True),
+        (True, 0.9, 3.0, False),
+        (True, 0.1, 9.0, False),
+        (False, 0.9, 9.0, False),
+    ],
+)
+def test_a_turn_that_stays_beside_the_far_end_of_its_strip_begins_none(
+    broken_off: bool, aside_m: float, behind_m: float, missed: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One after the other the strips beside it would seem to end there (random field 10638)."""
+    turn = DriveTurn(turning())
+    turn.turning.broken_off = broken_off
+    turn.turning.searches = SEARCHES
+    while turn.turning.leg is not None:
+        turn.turning.next(NOW)
+    monkeypatch.setattr(turn.turning, "against_lane", lambda _: (aside_m, 0.0))
+    monkeypatch.setattr(turn.turning, "crop_expected_m", lambda *_: -behind_m)
+    go = turn.step(NOW)[1]
+    assert is_for(go, Turned.NO_ROOM_BACK if missed else Turned.TURNED)
+    assert go is not None and ("9 m behind" in go.text) is missed
+
+
 @pytest.mark.parametrize(("length_m", "over"), [(1.0, True), (9.0, False)])
 def test_without_room_to_turn_to_the_last_rest_the_harvest_is_over(
     length_m: float, over: bool, monkeypatch: pytest.MonkeyPatch
