@@ -30,8 +30,6 @@ MAX_INSET_M = 20.0
 """Nobody cuts a wider border by hand."""
 KEEP_OUT_MARGIN_M = 0.3
 """Around a tree, a well or a pole as it was walked."""
-MITRE = 5.0
-"""As many gaps away, at most, a sharp corner's gap has its own (shapely's mitre limit)."""
 BLADE_DEPTH_M = 0.05
 """How far the blade reaches ahead of its line; twice that behind it."""
 
@@ -118,19 +116,14 @@ def areas_of(
 
 
 def _beyond(outline: shapely.Polygon, edge: int, from_m: float, gap_m: float) -> shapely.Polygon:
-    """What lies farther than from_m outside of an edge, and past its ends as far as the gap is
-    wide, where the field does not go on there."""
+    """The gap farther than from_m outside of an edge, and past its ends as far as it is wide."""
     ring = shapely.get_coordinates(outline.exterior)[:-1]
-    out = 1.0 if outline.exterior.is_ccw else -1.0
-    before, begin, end, after = (ring[(edge + k) % len(ring)] for k in (-1, 0, 1, 2))
-    (x, y), (into_x, into_y), (on_x, on_y) = end - begin, begin - before, after - end
-    along = np.array((x, y)) / math.hypot(x, y)
-    across = out * np.array((along[1], -along[0]))
-    if out * (into_x * y - into_y * x) > 0.0:
-        begin = begin - gap_m * along
-    if out * (x * on_y - y * on_x) > 0.0:
-        end = end + gap_m * along
-    near, far = from_m * across, MITRE * gap_m * across
+    begin, end = ring[edge], ring[(edge + 1) % len(ring)]
+    x, y = (end - begin) / math.dist(begin, end)
+    past = gap_m * np.array((x, y))
+    out = np.array((y, -x)) if outline.exterior.is_ccw else np.array((-y, x))
+    near, far = from_m * out, gap_m * out
+    begin, end = begin - past, end + past
     return shapely.Polygon([begin + near, begin + far, end + far, end + near])
 
 

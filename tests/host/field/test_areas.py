@@ -35,6 +35,14 @@ def test_wheels_may_go_up_to_the_neighbours_crop_less_a_margin() -> None:
 L_SHAPE = ((0.0, 0.0), (20.0, 0.0), (20.0, 8.0), (9.0, 8.0), (9.0, 15.0), (0.0, 15.0))
 
 
+def test_at_a_corner_what_stands_nearer_beyond_one_edge_counts_past_its_end() -> None:
+    permitted = areas_of(shapely.Polygon(L_SHAPE), GAP_M, nearer={1: 0.5}).permitted
+    assert permitted is not None
+    room_m = 0.5 - GAP_MARGIN_M
+    for x, may in ((20.0 + room_m - 0.01, True), (20.0 + room_m + 0.01, False)):
+        assert permitted.contains(shapely.Point(x, -1.0)) is may
+
+
 @pytest.mark.parametrize("turned", [1, -1])
 @given(
     edge=st.integers(0, 5), nearer_m=st.floats(0.0, 1.5), x=st.floats(-4, 24), y=st.floats(-4, 19)
@@ -50,12 +58,12 @@ def test_beyond_one_edge_the_machine_may_go_no_farther_than_to_what_stands_neare
     may, could = areas.permitted.contains(at), as_said.permitted.contains(at)
     assert could or not may
     assert may or not field.contains(at), "wherever the field is"
-    beyond = [shapely.LineString(ring[k : k + 2]).distance(at) for k in range(6)]
-    if not field.contains(at) and min(beyond) == beyond[edge] < min(
-        GAP_M, *beyond[:edge], *beyond[edge + 1 :]
-    ):
-        assert may is (beyond[edge] < max(0.0, nearer_m - GAP_MARGIN_M)) or not could
-    elif could and min(b for k, b in enumerate(beyond) if abs(k - edge) not in (0, 1, 5)) < 1.0:
+    off = [shapely.LineString(ring[k : k + 2]).distance(at) for k in range(6)]
+    others = [off[(edge + k) % 6] for k in (2, 3, 4)]
+    beside = min(off[(edge + k) % 6] for k in (-1, 1))
+    if could and not field.contains(at) and off[edge] < min(beside, *others):
+        assert may is (off[edge] < nearer_m - GAP_MARGIN_M)
+    if could and min(others) < min(off[edge], beside):
         assert may, "the other edges keep their room"
 
 
