@@ -43,6 +43,12 @@ def test_at_a_corner_what_stands_nearer_beyond_one_edge_counts_past_its_end() ->
         assert permitted.contains(shapely.Point(x, -1.0)) is may
 
 
+def test_past_an_edge_that_ends_at_an_inner_corner_lies_the_field() -> None:
+    permitted = areas_of(shapely.Polygon(L_SHAPE), GAP_M, nearer={2: 0.5}).permitted
+    assert permitted is not None
+    assert permitted.contains(shapely.Polygon(L_SHAPE))
+
+
 @pytest.mark.parametrize("turned", [1, -1])
 @given(
     edge=st.integers(0, 5), nearer_m=st.floats(0.0, 1.5), x=st.floats(-4, 24), y=st.floats(-4, 19)
