@@ -22,13 +22,27 @@ from numpy.typing import NDArray
 
 from host.core.errors import UserError
 from host.core.messages import Frame
-from host.sensors.jpeg import JpegDecoder
+from host.sensors.jpeg import END, JpegDecoder, end_of
 from host.sensors.newest import Feed, SourceLostError
 
 MAX_JPEG_BYTES = 16 * 1024 * 1024
 """Of one picture: more is no camera's stream."""
 READ_BYTES = 64 * 1024
 """Taken from the network at once: a picture or two."""
+PADDING = b"\r\n\0-"
+"""What servers put between a picture and the next boundary."""
+MOST_PADDING = 16
+"""Bytes of it behind a picture whose end is looked for before the next boundary has come."""
+HINTS = {
+    http.HTTPStatus.UNAUTHORIZED: (
+        "give the app's name and password in the address, as http://NAME:PASSWORD@HOST; only basic "
+        "authentication is known"
+    ),
+    http.HTTPStatus.SERVICE_UNAVAILABLE: (
+        "close whatever else shows its pictures, many apps serve one at a time"
+    ),
+}
+"""What to do about an answer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +64,7 @@ class MultipartJpeg:
     """Parses multipart/x-mixed-replace (RFC 2046) as cameras and phone apps send it, byte-wise.
 
     Trusts Content-Length where a part has one and it leads to a JPEG's end, else scans for the
-    boundary. Garbage between parts is skipped. No I/O.
+    JPEG's own end or the boundary. Garbage between parts is skipped. No I/O.
     """
 
     _LENGTH = re.compile(rb"^content-length:\s*(\d{1,12})\s*$", re.IGNORECASE | re.MULTILINE)
@@ -93,13 +107,18 @@ class MultipartJpeg:
             if len(self._data) < body + count:
                 return None
             part = bytes(self._data[body : body + count])
-            if part.endswith(b"\xff\xd9"):
+            if part.endswith(END):
                 del self._data[: body + count]
                 return part
         end = self._data.find(self._mark, body)
         if end < 0:
-            return None
-        part = bytes(self._data[body:end]).rstrip(b"\r\n\0-")
+            # The next boundary may come with the next picture only, a whole period later.
+            last = bytes(self._data[-MOST_PADDING:]).rstrip(PADDING)
+            whole = end_of(self._data, body) if last.endswith(END) else None
+            if whole is None:
+                return None
+            end = whole
+        part = bytes(self._data[body:end]).rstrip(PADDING)
         del self._data[:end]
         return part
 
@@ -112,6 +131,32 @@ def authorization(parts: SplitResult) -> dict[str, str]:
     return {"Authorization": "Basic " + base64.b64encode(pair.encode()).decode()}
 
 
+def fetch(
+    connection: http.client.HTTPConnection, path: str, parts: SplitResult
+) -> http.client.HTTPResponse:
+    """The answer to GET. Asks once more where the connection had served before: servers close one
+    that they had promised to keep, and that is no loss."""
+    headers = authorization(parts)
+    kept = connection.sock is not None
+    try:
+        connection.request("GET", path, headers=headers)
+        return connection.getresponse()
+    except ConnectionError:
+        if not kept:
+            raise
+    connection.close()
+    connection.request("GET", path, headers=headers)
+    return connection.getresponse()
+
+
+def refusal(response: http.client.HTTPResponse) -> SourceLostError:
+    """What a server answers instead of what it was asked for, and what to do about it."""
+    said = f"the server answers {response.status} {response.reason}"
+    elsewhere = response.headers.get("Location")
+    hint = f"give the address {elsewhere}" if elsewhere else HINTS.get(response.status)
+    return SourceLostError(f"{said}: {hint}" if hint else said)
+
+
 def _from_http(parts: SplitResult, feed: Feed[Picture]) -> Iterator[Picture]:
     """Multipart MJPEG, or one JPEG asked for again and again: the server's content type decides."""
     secure = parts.scheme == "https"
@@ -120,10 +165,9 @@ def _from_http(parts: SplitResult, feed: Feed[Picture]) -> Iterator[Picture]:
     path = (parts.path or "/") + (f"?{parts.query}" if parts.query else "")
     try:
         while not feed.stopping:
-            connection.request("GET", path, headers=authorization(parts))
-            response = connection.getresponse()
+            response = fetch(connection, path, parts)
             if response.status != http.HTTPStatus.OK:
-                raise SourceLostError(f"the server answers {response.status} {response.reason}")
+                raise refusal(response)
             content = response.headers.get_content_type()
             if content == "image/jpeg":
                 yield Picture(feed.clock(), response.read(MAX_JPEG_BYTES))
@@ -149,6 +193,7 @@ def _from_http(parts: SplitResult, feed: Feed[Picture]) -> Iterator[Picture]:
 def _from_multipart(
     response: http.client.HTTPResponse, parser: MultipartJpeg, feed: Feed[Picture]
 ) -> Iterator[Picture]:
+    heard = feed.clock()
     while not feed.stopping:
         data = response.read1(READ_BYTES)
         if not data:
@@ -156,7 +201,13 @@ def _from_multipart(
         now = feed.clock()
         pictures = parser.feed(data)
         if pictures:
+            heard = now
             yield Picture(now, pictures[-1])
+        elif now - heard > feed.silence_s:
+            raise SourceLostError(
+                f"the server sends, but no whole JPEG for {feed.silence_s:.0f} s; is it the app's "
+                "MJPEG address, and does the network keep up?"
+            )
 
 
 def _from_opencv(source: str | int, file: bool, feed: Feed[Picture]) -> Iterator[Picture]:

@@ -20,7 +20,7 @@ from pydantic_core import from_json
 
 from host.core.errors import UserError
 from host.core.messages import Turned
-from host.sensors.camera_stream import authorization
+from host.sensors.camera_stream import fetch, refusal
 from host.sensors.newest import Feed, SourceLostError
 
 PATH: Final = "/sensors.json"
@@ -192,13 +192,12 @@ def _from_app(url: str, feed: Feed[Turned]) -> Iterator[Turned]:
     heard = feed.clock()
     try:
         while not feed.stopping:
-            connection.request("GET", path, headers=authorization(parts))
-            response = connection.getresponse()
+            response = fetch(connection, path, parts)
             answer = response.read(MOST_BYTES)
             if response.status == http.HTTPStatus.NOT_FOUND:
                 raise SourceLostError("the app gives no sensors: no /sensors.json", final=True)
             if response.status != http.HTTPStatus.OK:
-                raise SourceLostError(f"the server answers {response.status} {response.reason}")
+                raise refusal(response)
             now = feed.clock()
             turned = turning.feed(now, answer)
             if turned is not None:
