@@ -66,15 +66,15 @@ def _is_terminal(device: int) -> bool:
     return not kind.exists() or kind.resolve().name == "tty"
 
 
-def open_port(port: str) -> serial.Serial:
-    """UserError where it is missing, taken, or no port."""
+def open_port(port: str, baud: int = protocol.BAUD, read_s: float = READ_S) -> serial.Serial:
+    """A read waits for `read_s` at most. UserError where it is missing, taken, or no port."""
     check_address(port)
     remote = port.startswith("rfc2217://")  # pyserial has no write timeout there
     try:
         return serial.serial_for_url(
             port,
-            baudrate=protocol.BAUD,
-            timeout=READ_S,
+            baudrate=baud,
+            timeout=read_s,
             write_timeout=None if remote else WRITE_TIMEOUT_S,
             exclusive=True,
         )

@@ -33,7 +33,7 @@ PADDING = b"\r\n\0-"
 """What servers put between a picture and the next boundary."""
 MOST_PADDING = 16
 """Bytes of it behind a picture whose end is looked for before the next boundary has come."""
-HINTS = {
+HINTS: dict[int, str] = {
     http.HTTPStatus.UNAUTHORIZED: (
         "give the app's name and password in the address, as http://NAME:PASSWORD@HOST; only basic "
         "authentication is known"
