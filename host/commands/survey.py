@@ -21,6 +21,7 @@ from host.field.survey import (
     report,
     survey_track,
     with_keep_out,
+    with_marks,
 )
 
 
@@ -97,11 +98,14 @@ def survey(
             tell(f"keep-out {keep_out}")
             found = with_keep_out(found, read_walk(keep_out)[0], str(keep_out), close)
         name = name or out.stem
-        save_field(out, found.boundary(name))
+        boundary = with_marks(found.boundary(name), (path, *keep_outs))
+        save_field(out, boundary)
         lines = report(found, receiver)
         picture = out.with_suffix(".png")
         about = lines[-1 - len(found.warnings)].removeprefix("boundary: ")
         tell("drawing")
         draw_survey(picture, found, f"{name}: {about}")
+    if boundary.not_kept_out:
+        lines.append(f"warning: {boundary.not_kept_out}")
     for text in (*lines, f"written: {out}, {picture}"):
         echo(text)

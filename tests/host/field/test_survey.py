@@ -662,6 +662,22 @@ def test_a_phone_apps_gpx_is_a_walk(
     assert iou(found, shapely.Polygon(SQUARE)) > 0.99
 
 
+def test_a_place_that_the_walk_marks_is_said_to_be_no_keep_out(tmp_path: Path, cli: Cli) -> None:
+    way = [*SQUARE, SQUARE[0]]
+    path = gpx(tmp_path / "walk.gpx", [[(place, k * 50.0) for k, place in enumerate(way)]])
+    places = {"the well": shapely.Polygon(SQUARE).centroid.coords[0], "home": (-200.0, 0.0)}
+    for name, place in places.items():
+        lat, lon = ORIGIN.to_wgs84(*place)
+        mark = f'<wpt lat="{lat}" lon="{lon}"><name>{name}</name></wpt>'
+        path.write_text(path.read_text().replace("<trk>", f"{mark}<trk>"))
+    out = tmp_path / "field.geojson"
+    code, text, err = cli("survey", str(path), "--out", str(out))
+    assert code == 0, err
+    assert "warning: the file has in the field, and not as a keep-out: 'the well' (Point)" in text
+    assert "home" not in text
+    assert "the well" in load_field(out).not_kept_out, "whoever plans with it is told as well"
+
+
 def test_what_an_app_did_not_see_for_a_minute_is_a_jump(tmp_path: Path) -> None:
     path = gpx(tmp_path / "walk.gpx", [[((0.0, 0.0), 0.0), ((5.0, 0.0), 4.0), ((75.0, 0.0), 65.0)]])
     track, _ = read_walk(path)
