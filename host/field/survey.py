@@ -42,6 +42,7 @@ from host.field.walk import (
     read_fixes,
     track_of,
 )
+from host.sensors.newest import SourceLostError
 from host.sensors.nmea import Receiver, gnss_feed
 
 mpl.use("Agg")
@@ -538,14 +539,20 @@ def _told(lines: Iterable[bytes], size: int, tell: Callable[[str], None]) -> Ite
 
 def record_walk(url: str, path: Path, say: Callable[[str], None]) -> None:
     """Writes what a receiver sends until Ctrl-C, every byte as it comes: a walk is not repeated
-    because a laptop's battery went flat."""
+    because a laptop's battery went flat. UserError where it cannot be written, later on too."""
     begun = time.monotonic()
 
     def clock() -> float:
         return time.monotonic() - begun
 
+    full: list[OSError] = []
+
     def keep(data: bytes) -> None:
-        file.write(data)
+        try:
+            file.write(data)
+        except OSError as error:
+            full.append(error)
+            raise SourceLostError("what it sends cannot be written", final=True) from error
 
     feed, _ = gnss_feed(url, clock, say, tap=keep)
     nothing_yet = path.is_file() and path.stat().st_size == 0
@@ -573,6 +580,11 @@ def record_walk(url: str, path: Path, say: Callable[[str], None]) -> None:
             say("recorded")
         finally:
             feed.close()
+    if full:
+        raise UserError(
+            f"the recording {path} ends after {fixes} positions: {full[0].strerror}. Make room and "
+            "walk again; to use what it has, name it as the source"
+        )
 
 
 def report(survey: Survey, receiver: Receiver) -> list[str]:

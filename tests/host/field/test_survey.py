@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime
+import errno
+import io
 import math
 import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pynmea2
@@ -592,6 +597,28 @@ def test_a_walk_is_recorded_from_the_phone_until_ctrl_c(tmp_path: Path) -> None:
     assert "4 corners" in text
     assert recording.read_bytes().endswith(stream)
     assert load_field(out).crop
+
+
+def test_a_walk_that_can_no_longer_be_recorded_ends_with_what_to_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Full(io.RawIOBase):
+        def write(self, _: Any) -> int:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "open", lambda *_, **__: Full())
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def speak() -> None:
+            phone, _ = listener.accept()
+            with phone, contextlib.suppress(OSError):
+                phone.sendall("".join(f"{line}\r\n" for line in walk(around(SQUARE))).encode())
+                phone.recv(1)
+
+        threading.Thread(target=speak, daemon=True).start()
+        url = f"tcp://127.0.0.1:{listener.getsockname()[1]}"
+        with pytest.raises(UserError, match="ends after 0 positions: No space left on device"):
+            record_walk(url, tmp_path / "field.nmea", lambda _: None)
 
 
 def test_a_recorded_walk_is_not_written_over(tmp_path: Path, cli: Cli) -> None:
