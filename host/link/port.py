@@ -98,7 +98,7 @@ def _why_not(port: str, error: Exception) -> str:
         return f"serial port {port} does not exist; ports there now: {there}"
     if code == errno.EACCES:
         return f"no permission to open {port}: `sudo usermod -aG dialout $USER`, then log in again"
-    if code == errno.EAGAIN or "exclusively lock" in str(error):
+    if code in (errno.EAGAIN, errno.EBUSY) or "exclusively lock" in str(error):
         return f"{port} is in use by another program; close it first"
     if code == errno.EISDIR:
         return f"cannot open {port} as a serial port: it is a folder"
