@@ -30,6 +30,8 @@ BYTE_S: Final = 10 / protocol.BAUD
 """On the line: start bit, eight bits, stop bit."""
 OFFSETS: Final = 12
 """Telemetry, a quarter of a second, whose quickest tells how host's and firmware's clock differ."""
+SILENT_S: Final = 1.0
+"""Without telemetry, of which 50 come in a second: the board hangs, or its wire is broken."""
 REST_S: Final = 0.2
 """Motor off at least so long: twice the slowest motor's lag."""
 STILL_DEG: Final = 0.15
@@ -85,6 +87,8 @@ class Experimenter:
     _segments: dict[int, _Segment] = field(default_factory=dict)
     _offsets_s: deque[float] = field(default_factory=lambda: deque(maxlen=OFFSETS))
     """Host's clock less the firmware's, of the latest telemetry: the two drift apart."""
+    _heard_s: float | None = None
+    """When telemetry came last, on the host's clock."""
     _way: int = 0
     _coasts_deg: list[float] = field(default_factory=list)
     """How far the released motor ran on, run by run."""
@@ -95,7 +99,15 @@ class Experimenter:
         """Lets time pass, to the first telemetry that `until` likes. The link stays fed."""
         end = self.wire.now + seconds
         while self.wire.now < end - 1e-9:
-            for telemetry in self.wire.poll():
+            arrived = self.wire.poll()
+            if arrived or self._heard_s is None:
+                self._heard_s = self.wire.now
+            elif self.wire.now - self._heard_s > SILENT_S:
+                raise UserError(
+                    f"no telemetry for {SILENT_S:g} s; the firmware hangs or the cable is broken. "
+                    "Reset the board and start again"
+                )
+            for telemetry in arrived:
                 self._take(telemetry)
                 if until is not None and until(telemetry):
                     return True
