@@ -149,12 +149,12 @@ def fetch(
     return connection.getresponse()
 
 
-def refusal(response: http.client.HTTPResponse) -> SourceLostError:
+def refusal(response: http.client.HTTPResponse, *, final: bool = False) -> SourceLostError:
     """What a server answers instead of what it was asked for, and what to do about it."""
     said = f"the server answers {response.status} {response.reason}"
     elsewhere = response.headers.get("Location")
     hint = f"give the address {elsewhere}" if elsewhere else HINTS.get(response.status)
-    return SourceLostError(f"{said}: {hint}" if hint else said)
+    return SourceLostError(f"{said}: {hint}" if hint else said, final=final)
 
 
 def _from_http(parts: SplitResult, feed: Feed[Picture]) -> Iterator[Picture]:
@@ -210,9 +210,19 @@ def _from_multipart(
             )
 
 
+def _opened(source: str | int, silence_s: float) -> cv2.VideoCapture:
+    """A network stream that stalls ends after `silence_s`: FFmpeg would wait for half a minute."""
+    if isinstance(source, int) or "://" not in source:
+        return cv2.VideoCapture(source)
+    patience_ms = round(1000 * silence_s)
+    limits = (cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, cv2.CAP_PROP_READ_TIMEOUT_MSEC)
+    options = [value for limit in limits for value in (limit, patience_ms)]
+    return cv2.VideoCapture(source, cv2.CAP_FFMPEG, options)
+
+
 def _from_opencv(source: str | int, file: bool, feed: Feed[Picture]) -> Iterator[Picture]:
     """A device or a network stream as fast as it comes; a file at its own rate, once."""
-    capture = cv2.VideoCapture(source)
+    capture = _opened(source, feed.silence_s)
     try:
         if not capture.isOpened():
             raise SourceLostError("cannot be opened as a video", final=file)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import http.server
 import itertools
+import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -331,6 +332,15 @@ def test_a_password_in_the_address_is_used() -> None:
         url = server.url.replace("//", "//u:p%40%3As@") + "/locked"
         with running(url) as (feed, _):
             assert feed.wait(LIMIT_S)
+
+
+def test_a_network_stream_that_stalls_is_tried_again_soon() -> None:
+    """OpenCV by itself gives up after half a minute."""
+    with (
+        socket.create_server(("127.0.0.1", 0)) as listener,
+        running(f"rtsp://127.0.0.1:{listener.getsockname()[1]}/video") as (_, reports),
+    ):
+        assert until(lambda: bool(reports))
 
 
 def test_a_connection_that_was_to_be_kept_and_is_closed_is_no_loss() -> None:
