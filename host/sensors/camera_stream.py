@@ -10,6 +10,7 @@ import base64
 import http.client
 import re
 import socket
+import ssl
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -144,6 +145,10 @@ def fetch(
     except ConnectionError:
         if not kept:
             raise
+    except ssl.SSLError as error:
+        raise SourceLostError(
+            f"no encrypted connection ({error.reason}): use the app's http:// address"
+        ) from error
     connection.close()
     connection.request("GET", path, headers=headers)
     return connection.getresponse()

@@ -327,6 +327,12 @@ def test_what_the_server_does_wrong_is_said(path: str, problem: str) -> None:
         assert until(lambda: any(problem in report for report in reports))
 
 
+def test_an_app_that_does_not_encrypt_as_it_should_is_said() -> None:
+    """A phone's certificate is its own, or it has none."""
+    with phone() as server, running(server.url.replace("http:", "https:")) as (_, reports):
+        assert until(lambda: any("use the app's http:// address" in each for each in reports))
+
+
 def test_a_password_in_the_address_is_used() -> None:
     with phone() as server:
         url = server.url.replace("//", "//u:p%40%3As@") + "/locked"
