@@ -30,6 +30,9 @@ MAX_JPEG_BYTES = 16 * 1024 * 1024
 """Of one picture: more is no camera's stream."""
 READ_BYTES = 64 * 1024
 """Taken from the network at once: a picture or two."""
+ASKED_S = 0.04
+"""From one request for a single JPEG to the next, at the least: the pilot looks at 20 a second, and
+a picture that comes twice only keeps the network from the next."""
 PADDING = b"\r\n\0-"
 """What servers put between a picture and the next boundary."""
 MOST_PADDING = 16
@@ -170,12 +173,14 @@ def _from_http(parts: SplitResult, feed: Feed[Picture]) -> Iterator[Picture]:
     path = (parts.path or "/") + (f"?{parts.query}" if parts.query else "")
     try:
         while not feed.stopping:
+            asked = feed.clock()
             response = fetch(connection, path, parts)
             if response.status != http.HTTPStatus.OK:
                 raise refusal(response)
             content = response.headers.get_content_type()
             if content == "image/jpeg":
                 yield Picture(feed.clock(), response.read(MAX_JPEG_BYTES))
+                feed.pause(max(0.0, asked + ASKED_S - feed.clock()))
             elif content.startswith("multipart/"):
                 boundary = response.headers.get_param("boundary")
                 if not isinstance(boundary, str) or not boundary.strip("-"):

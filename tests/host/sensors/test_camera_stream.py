@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from urllib.parse import urlsplit
 
 import cv2
 import numpy as np
@@ -21,9 +22,11 @@ from hypothesis import strategies as st
 
 from host.core.errors import UserError
 from host.sensors.camera_stream import (
+    ASKED_S,
     MAX_JPEG_BYTES,
     MultipartJpeg,
     Picture,
+    _from_http,
     _from_multipart,
     camera_feed,
 )
@@ -338,6 +341,17 @@ def test_a_password_in_the_address_is_used() -> None:
         url = server.url.replace("//", "//u:p%40%3As@") + "/locked"
         with running(url) as (feed, _):
             assert feed.wait(LIMIT_S)
+
+
+def test_single_pictures_are_not_asked_for_faster_than_they_are_looked_at() -> None:
+    with phone() as server:
+        feed = camera_feed(server.url + "/shot.jpg", lambda: 7.0, print)
+        paused: list[float] = []
+        feed.pause = paused.append  # type: ignore[method-assign]
+        pictures = _from_http(urlsplit(server.url + "/shot.jpg"), feed)
+        for _ in range(3):
+            next(pictures)
+    assert paused == pytest.approx([ASKED_S, ASKED_S])
 
 
 def test_a_network_stream_that_stalls_is_tried_again_soon() -> None:
