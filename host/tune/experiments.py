@@ -40,6 +40,8 @@ STILL_SAMPLES: Final = 14
 """Telemetry samples in the mean of a resting angle."""
 MOVED_DEG: Final = 0.14
 """Between two such means: more than the pot's noise, less than the slowest motion."""
+TRY_S: Final = 0.25
+"""Of a try which way a duty moves the wheel: half of that, while nothing is known yet."""
 PULSE_S: Final = 0.5
 """Of a try whether a duty moves the wheel: below the firmware's suspicion of a stall."""
 START_DEG: Final = 24.0
@@ -195,7 +197,7 @@ class Experimenter:
         way = -1 if self.angle() > 0 else 1
         for duty in range(40, self.duty_max + 1, 20):
             before = self.angle()
-            self.drive(way * duty, 0.25, _far_from(before, 2 * enough_deg))
+            self.drive(way * duty, TRY_S, _far_from(before, 2 * enough_deg))
             self.release()
             moved = self.angle() - before
             if abs(moved) > enough_deg:
@@ -208,8 +210,9 @@ class Experimenter:
                     )
                 return duty
         raise UserError(
-            f"the steering does not move at a duty of {self.duty_max}: check the motor, its "
-            "supply and the bridge, or raise ident_duty_max"
+            f"the steering does not move at a duty of {self.duty_max}, or by less than "
+            f"{enough_deg:.2g} degrees in {TRY_S:g} s: check the motor, its supply, its gear and "
+            "the bridge, or raise ident_duty_max"
         )
 
     def go_to(self, angle_deg: float, duty: int) -> None:

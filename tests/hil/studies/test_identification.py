@@ -148,6 +148,11 @@ def test_a_jammed_steering_is_told() -> None:
             running.identify()
 
 
+def test_a_steering_that_creeps_is_not_called_stuck_alone() -> None:
+    with pytest.raises(UserError, match=r"or by less than 1\.5 degrees in 0\.25 s: .* its gear"):
+        identify_plant(replace(PLANT, slew_degps=8.0))
+
+
 def test_a_machine_in_fault_is_not_armed() -> None:
     with Stand(replace(PLANT, battery_v=8.0).machine()) as stand:
         wire = StandWire(stand)
