@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import base64
 import http.client
+import os
 import re
 import socket
 import ssl
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -250,6 +252,21 @@ def _from_opencv(source: str | int, file: bool, feed: Feed[Picture]) -> Iterator
         capture.release()
 
 
+def _check_device(url: str) -> None:
+    """UserError where a device, /dev/videoN or N, cannot be opened: OpenCV would not say why."""
+    if sys.platform != "linux":
+        return
+    path = Path(f"/dev/video{url}" if url.isdecimal() else url)
+    if not path.exists():
+        there = ", ".join(sorted(map(str, Path("/dev").glob("video*")))) or "none"
+        raise UserError(f"camera {url}: there is no {path}; cameras there now: {there}")
+    if not os.access(path, os.R_OK | os.W_OK):
+        raise UserError(
+            f"no permission to open the camera {path}: `sudo usermod -aG video $USER`, then log in "
+            "again"
+        )
+
+
 def camera_feed(
     url: str, clock: Callable[[], float], report: Callable[[str], None]
 ) -> Feed[Picture]:
@@ -275,6 +292,7 @@ def camera_feed(
             "a video file or /dev/videoN"
         )
     elif url.isdecimal() or Path(url).is_char_device():
+        _check_device(url)
         device = int(url) if url.isdecimal() else url
         source = partial(_from_opencv, device, False)
     elif Path(url).is_file():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import http.server
 import itertools
 import socket
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -399,6 +400,16 @@ def test_a_file_that_is_no_video_is_said(tmp_path: Path) -> None:
     path.write_text("not a video")
     with running(str(path)) as (_, reports):
         assert until(lambda: reports == ["camera lost: cannot be opened as a video"])
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems name cameras otherwise")
+def test_a_camera_that_is_no_device_or_forbidden_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    for number in ("987", "9" * 30):
+        with pytest.raises(UserError, match=f"camera {number}: there is no /dev/video{number}; ca"):
+            camera_feed(number, time.monotonic, print)
+    monkeypatch.setattr("os.access", lambda *_: False)
+    with pytest.raises(UserError, match="no permission to open the camera /dev/null: `sudo"):
+        camera_feed("/dev/null", time.monotonic, print)
 
 
 @pytest.mark.parametrize("url", ["http://", "http://host:x/", "ftp://host/video", "no-such.mp4"])
