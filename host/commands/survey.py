@@ -71,8 +71,9 @@ def survey(
 ) -> None:
     """The field's boundary from a walk around it.
 
-    SOURCE is a recorded NMEA file or a GPX track, or tcp://HOST:PORT or a serial port: then it
-    records beside OUT until Ctrl-C first. Writes OUT and a picture of what was understood."""
+    SOURCE is a recorded NMEA file or a GPX track, or tcp://HOST:PORT, udp://:PORT or a serial port:
+    then it records beside OUT until Ctrl-C first. Writes OUT and a picture of what was
+    understood."""
     if irregular and corners is not None:
         raise UserError("--corners and --irregular exclude each other; give one of them")
     check_target(out)

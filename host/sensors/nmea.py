@@ -1,6 +1,7 @@
 """NMEA 0183 from a phone into fixes.
 
-`Receiver` is the parser without I/O; `gnss_feed` runs it on a TCP port, a serial port or a file.
+`Receiver` is the parser without I/O; `gnss_feed` runs it on a TCP or UDP port, a serial port or a
+file.
 """
 
 from __future__ import annotations
@@ -238,6 +239,10 @@ BYTES_AT_ONCE = 4096
 """Several epochs; a receiver sends 500 bytes a second."""
 
 
+DATAGRAM_BYTES = 65_536
+"""More than any holds; the rest of a longer one would be lost."""
+
+
 def _serial_reader(path: str, baud: int) -> Iterator[bytes]:
     """What came within READ_S, perhaps nothing, for ever."""
     try:
@@ -262,6 +267,19 @@ def _tcp_reader(host: str, tcp_port: int) -> Iterator[bytes]:
             if not data:
                 raise OSError("the phone has closed the connection")
             yield data
+
+
+def _udp_reader(host: str, udp_port: int) -> Iterator[bytes]:
+    """The same of an app that sends datagrams to this laptop, each of whole sentences: some end
+    them without a line's end."""
+    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_DGRAM) as at:
+        at.bind((host, udp_port))
+        at.settimeout(READ_S)
+        while True:
+            try:
+                yield at.recv(DATAGRAM_BYTES) + b"\n"
+            except TimeoutError:
+                yield b""
 
 
 def _from_port(
@@ -318,7 +336,8 @@ def gnss_feed(
     baud: int = BAUD,
     tap: Callable[[bytes], object] | None = None,
 ) -> tuple[Feed[Fix], Receiver]:
-    """`url`: tcp://HOST:PORT (what phone apps offer), a serial port (/dev/ttyUSB0), or a file.
+    """`url`: tcp://HOST:PORT (what phone apps offer), udp://:PORT (where they send to), a serial
+    port (/dev/ttyUSB0), or a file.
 
     The feed runs when it is started; the receiver carries the counts and hands every byte to `tap`,
     in the feed's thread. Raises UserError on a URL that cannot mean any of these.
@@ -337,6 +356,16 @@ def gnss_feed(
                 f"GNSS address {url}: needs a host and a port, as tcp://192.168.1.7:2947"
             )
         source = partial(_from_port, partial(_tcp_reader, host, port), receiver)
+    elif parts.scheme == "udp":
+        try:
+            port = parts.port
+        except ValueError:
+            port = None
+        if not port:
+            raise UserError(
+                f"GNSS address {url}: needs the port that the app sends to, as udp://:5005"
+            )
+        source = partial(_from_port, partial(_udp_reader, parts.hostname or "", port), receiver)
     elif path.is_file():
         source = partial(_from_file, path, receiver)
     elif path.is_char_device():
@@ -345,7 +374,8 @@ def gnss_feed(
         raise UserError(f"GNSS source {url} is neither a serial port nor an NMEA file; name one")
     elif parts.scheme:
         raise UserError(
-            f"GNSS address {url}: scheme {parts.scheme}:// is unknown; use tcp://HOST:PORT"
+            f"GNSS address {url}: scheme {parts.scheme}:// is unknown; use tcp://HOST:PORT or "
+            "udp://:PORT"
         )
     else:
         raise UserError(

@@ -303,7 +303,9 @@ def test_the_local_frame_is_east_and_north_in_true_metres() -> None:
     )
 
 
-@pytest.mark.parametrize("url", ["tcp://", "tcp://host:x", "ftp://host/x", "/dev/no-such-port", ""])
+@pytest.mark.parametrize(
+    "url", ["tcp://", "tcp://host:x", "udp://", "udp://:x", "ftp://host/x", "/dev/no-such-port", ""]
+)
 def test_a_source_that_cannot_be_is_refused_in_one_message(url: str) -> None:
     with pytest.raises(UserError, match="GNSS"):
         gnss_feed(url, time.monotonic, print)
@@ -354,6 +356,29 @@ def test_a_phone_that_falls_silent_is_reported() -> None:
                 threading.Event().wait(0.01)
         feed.close()
     assert reports[0] == "GNSS lost: silent for 3 s"
+
+
+@pytest.mark.parametrize("end", [b"\r\n", b""])
+def test_an_app_that_sends_datagrams_is_heard(end: bytes) -> None:
+    reports: list[str] = []
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as phone:
+        phone.bind(("127.0.0.1", 0))  # a port that is free, given back below
+        port = phone.getsockname()[1]
+    feed, _ = gnss_feed(f"udp://127.0.0.1:{port}", time.monotonic, reports.append)
+    feed.start()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as phone:
+        deadline = time.monotonic() + LIMIT_S
+        fix = None
+        for second in itertools.count():  # what is sent before it listens is lost
+            assert time.monotonic() < deadline, reports
+            for said in (gga(f"1125{second % 60:02d}"), rmc(f"1125{second % 60:02d}")):
+                phone.sendto(said.strip() + end, ("127.0.0.1", port))
+            if feed.wait(0.05):
+                fix = feed.take()
+            if fix is not None and fix.speed_mps is not None:
+                break
+    feed.close()
+    assert fix.quality == 2
 
 
 GSV = sentence("GPGSV,1,1,01,01,40,083,46,1")
