@@ -40,9 +40,13 @@ def receiver(notes: Notes, boundary: Boundary | None, corner: int) -> None:
         notes.note("receiver", "bad", "receiver.none", why=hands.gnss_problem or "-")
     elif not good:
         notes.note("receiver", "bad", "receiver.no_fix")
+    elif good[-1].satellites == 0 and math.isnan(good[-1].hdop):
+        # RMC alone: no satellites counted is not none seen.
+        notes.note("receiver", "warn", "receiver.unrated")
     elif good[-1].hdop > POOR_HDOP or good[-1].satellites < FEW_SATELLITES:
         last = good[-1]
-        notes.note("receiver", "bad", "receiver.poor", satellites=last.satellites, hdop=last.hdop)
+        hdop = "-" if math.isnan(last.hdop) else last.hdop
+        notes.note("receiver", "bad", "receiver.poor", satellites=last.satellites, hdop=hdop)
     elif len(good) < 4:
         notes.note("receiver", "bad", "receiver.slow", count=len(good), seconds=FIX_S)
     else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import time
 
 import click
@@ -20,6 +21,8 @@ LINE_EVERY_S = 0.5
 """Between lines where nothing changes."""
 POLL_S = 0.2
 """Longest wait for telemetry."""
+SILENT_S = 1.0
+"""Without telemetry, of which 50 come in a second, until that is told."""
 
 
 @click.command()
@@ -41,8 +44,21 @@ def monitor(port: str, duration: float | None, every: bool, readings: bool) -> N
             echo(greeting(version))
         shown: Telemetry | None = None
         read: protocol.Readings | None = None
+        heard, resets = clock(), link.session.resets
         while duration is None or clock() < duration:
-            for telemetry in link.poll(POLL_S):
+            arrived = link.poll(POLL_S)
+            if arrived:
+                heard = clock()
+            elif clock() - heard > SILENT_S:
+                echo(
+                    f"no telemetry for {SILENT_S:g} s: the board hangs, or its cable is broken",
+                    err=True,
+                )
+                heard = math.inf  # told once, until it speaks again
+            if link.session.resets != resets:
+                resets = link.session.resets
+                echo("the firmware has restarted", err=True)
+            for telemetry in arrived:
                 if readings:
                     newest = link.session.readings
                     if newest is not None and newest is not read:

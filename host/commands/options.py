@@ -13,7 +13,7 @@ from host.field.areas import MAX_GAP_M, MAX_INSET_M
 
 camera_option = click.option("--camera", metavar="URL", help="http://..., video file, /dev/videoN.")
 gnss_option = click.option(
-    "--gnss", metavar="URL", help="tcp://HOST:PORT, serial port or NMEA file."
+    "--gnss", metavar="URL", help="tcp://HOST:PORT, udp://:PORT, serial port or NMEA file."
 )
 gyro_option = click.option(
     "--gyro",

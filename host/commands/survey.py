@@ -21,6 +21,7 @@ from host.field.survey import (
     report,
     survey_track,
     with_keep_out,
+    with_marks,
 )
 
 
@@ -70,8 +71,9 @@ def survey(
 ) -> None:
     """The field's boundary from a walk around it.
 
-    SOURCE is a recorded NMEA file or a GPX track, or tcp://HOST:PORT or a serial port: then it
-    records beside OUT until Ctrl-C first. Writes OUT and a picture of what was understood."""
+    SOURCE is a recorded NMEA file or a GPX track, or tcp://HOST:PORT, udp://:PORT or a serial port:
+    then it records beside OUT until Ctrl-C first. Writes OUT and a picture of what was
+    understood."""
     if irregular and corners is not None:
         raise UserError("--corners and --irregular exclude each other; give one of them")
     check_target(out)
@@ -97,11 +99,14 @@ def survey(
             tell(f"keep-out {keep_out}")
             found = with_keep_out(found, read_walk(keep_out)[0], str(keep_out), close)
         name = name or out.stem
-        save_field(out, found.boundary(name))
+        boundary = with_marks(found.boundary(name), (path, *keep_outs))
+        save_field(out, boundary)
         lines = report(found, receiver)
         picture = out.with_suffix(".png")
         about = lines[-1 - len(found.warnings)].removeprefix("boundary: ")
         tell("drawing")
         draw_survey(picture, found, f"{name}: {about}")
+    if boundary.not_kept_out:
+        lines.append(f"warning: {boundary.not_kept_out}")
     for text in (*lines, f"written: {out}, {picture}"):
         echo(text)

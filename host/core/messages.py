@@ -82,7 +82,7 @@ class Telemetry:
     last_seq: int
     frames_bad: int
     firmware_s: float = 0.0
-    """When it was sent, on the firmware's clock, which wraps."""
+    """When it was sent, on the firmware's clock since its start."""
     refusal: str = ""
     """Why the firmware refused the last request; empty where it took it."""
 

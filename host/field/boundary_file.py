@@ -18,6 +18,8 @@ a list of addresses to fetch too, so it is given only what has been looked at.
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import json
 import tempfile
 import warnings
@@ -85,6 +87,9 @@ SUFFIXES = ".geojson, .kml, .kmz, .shp, .xml (ISOXML), .zip, .gpx, .csv"
 """That are read, for messages."""
 IN_ARCHIVES = (".shp", ".kml", ".geojson", ".json", ".gpx")
 """Formats that a .zip may hold besides ISOXML."""
+SAME_SHARE = 0.9
+"""Of what two polygons of two formats cover together, that both cover where they are one: files
+with six decimals of a degree leave 0.97 of a keep-out 10 m wide."""
 SHAPEFILE = (".shx", ".dbf", ".prj", ".cpg")
 """What belongs to a .shp."""
 NO_DEGREES = "a corner is not a latitude and longitude in degrees"
@@ -598,18 +603,37 @@ def _write_isoxml(path: Path, boundary: Boundary) -> None:
 
 def _read_archive(path: Path) -> list[Shape]:
     """Of a .kmz, or of a .zip as farm programs export it: an ISOXML task set, or every file of the
-    first format of IN_ARCHIVES that is in it."""
+    first format of IN_ARCHIVES that is in it, and what files of the others have besides: a pond
+    beside the field's own file is a keep-out. Others need not be readable, a program's notes are
+    JSON, too."""
     with archive.opened(path) as files:
         if any(name.name.upper() == isoxml_file.TASKDATA for name in files.names):
             return isoxml_file.read_archive(files)
-        for suffix in IN_ARCHIVES:
-            named = [name for name in files.names if name.suffix.lower() == suffix]
-            if named:
-                return [shape for name in named for shape in _unpacked(files, name)]
-    raise UserError(
-        f"there is no {isoxml_file.TASKDATA} in it and no {', '.join(IN_ARCHIVES)}: it is no "
-        "export of a field"
-    )
+        named = [
+            [name for name in files.names if name.suffix.lower() == suffix]
+            for suffix in IN_ARCHIVES
+        ]
+        first, *others = [names for names in named if names] or [[]]
+        shapes = [shape for name in first for shape in _unpacked(files, name)]
+        for name in itertools.chain.from_iterable(others):
+            with contextlib.suppress(UserError):
+                shapes += [each for each in _unpacked(files, name) if not _among(each, shapes)]
+    if not first:
+        raise UserError(
+            f"there is no {isoxml_file.TASKDATA} in it and no {', '.join(IN_ARCHIVES)}: it is no "
+            "export of a field"
+        )
+    return shapes
+
+
+def _among(shape: Shape, shapes: Sequence[Shape]) -> bool:
+    """Whether a polygon is one of theirs or of their holes, as another format rounds it."""
+    if shape.mark is not None or shape.fault:
+        return False
+    own = shapely.make_valid(shapely.Polygon(shape.polygon.exterior))
+    rings = [ring for each in shapes for ring in (each.polygon.exterior, *each.polygon.interiors)]
+    outlines = [shapely.make_valid(shapely.Polygon(ring)) for ring in rings]
+    return any(own.intersection(each).area > SAME_SHARE * own.union(each).area for each in outlines)
 
 
 def _unpacked(files: archive.Archive, name: PurePosixPath) -> list[Shape]:

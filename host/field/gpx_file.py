@@ -76,10 +76,19 @@ def read_rings(path: Path) -> list[Shape]:
         raise UserError("it holds no track or route around a field")
     if len(shapes) == 1 and not shapes[0].polygon.is_valid:
         raise UserError("its track crosses itself; `daranti survey` makes a boundary of a walk")
-    marked = [
-        (point.name, shapely.Point(point.longitude, point.latitude)) for point in gpx.waypoints
+    return [*shapes, *_marks(gpx)]
+
+
+def read_marks(path: Path) -> list[Shape]:
+    """The places that somebody marked on the way. UserError where it is no GPX."""
+    return _marks(_parsed(path))
+
+
+def _marks(gpx: gpxpy.gpx.GPX) -> list[Shape]:
+    return [
+        shape_of(shapely.Point(point.longitude, point.latitude), point.name or "")
+        for point in gpx.waypoints
     ]
-    return [*shapes, *(shape_of(place, name or "") for name, place in marked)]
 
 
 def read_fixes(path: Path) -> tuple[list[Fix], int]:

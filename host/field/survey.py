@@ -30,6 +30,7 @@ from host.field import gpx_file
 from host.field.boundary_file import UNKNOWN_SIGMA_M, Boundary, boundary_of
 from host.field.corners import MAX_CORNERS
 from host.field.rings import any_edge, closing, mean_ring, resampled
+from host.field.shapes import Shape, chosen
 from host.field.smoothing import Smoother, relative_sigma_m, smoothable
 from host.field.walk import (
     Loop,
@@ -41,6 +42,7 @@ from host.field.walk import (
     read_fixes,
     track_of,
 )
+from host.sensors.newest import SourceLostError
 from host.sensors.nmea import Receiver, gnss_feed
 
 mpl.use("Agg")
@@ -467,6 +469,19 @@ def with_keep_out(survey: Survey, track: Track, name: str, close_m: float = CLOS
     return replace(survey, polygon=whole)
 
 
+def with_marks(boundary: Boundary, walks: Iterable[Path]) -> Boundary:
+    """The boundary, and what lies in it of the places that the walks mark in their GPX: a place is
+    no keep-out, and its file says so to whoever plans with it."""
+    marks = [mark for walk in walks if _is_gpx(walk) for mark in gpx_file.read_marks(walk)]
+    rings = [[(lon, lat) for lat, lon in ring] for ring in (boundary.crop, *boundary.keep_outs)]
+    field = Shape(shapely.Polygon(rings[0], rings[1:]))
+    return replace(boundary, left_out=chosen([field, *marks]).left_out)
+
+
+def _is_gpx(path: Path) -> bool:
+    return path.suffix.lower() == ".gpx"
+
+
 # ---- from a receiver ----------------------------------------------------------------------------
 
 
@@ -476,7 +491,7 @@ def read_walk(path: Path, tell: Callable[[str], None] = _silent) -> tuple[Track,
     check_input(path, "the walk")
     receiver = Receiver()
     try:
-        if path.suffix.lower() == ".gpx":
+        if _is_gpx(path):
             fixes, receiver.sentences["GPX point"] = gpx_file.read_fixes(path)
         else:
             with path.open("rb") as lines:
@@ -524,14 +539,20 @@ def _told(lines: Iterable[bytes], size: int, tell: Callable[[str], None]) -> Ite
 
 def record_walk(url: str, path: Path, say: Callable[[str], None]) -> None:
     """Writes what a receiver sends until Ctrl-C, every byte as it comes: a walk is not repeated
-    because a laptop's battery went flat."""
+    because a laptop's battery went flat. UserError where it cannot be written, later on too."""
     begun = time.monotonic()
 
     def clock() -> float:
         return time.monotonic() - begun
 
+    full: list[OSError] = []
+
     def keep(data: bytes) -> None:
-        file.write(data)
+        try:
+            file.write(data)
+        except OSError as error:
+            full.append(error)
+            raise SourceLostError("what it sends cannot be written", final=True) from error
 
     feed, _ = gnss_feed(url, clock, say, tap=keep)
     nothing_yet = path.is_file() and path.stat().st_size == 0
@@ -559,6 +580,11 @@ def record_walk(url: str, path: Path, say: Callable[[str], None]) -> None:
             say("recorded")
         finally:
             feed.close()
+    if full:
+        raise UserError(
+            f"the recording {path} ends after {fixes} positions: {full[0].strerror}. Make room and "
+            "walk again; to use what it has, name it as the source"
+        )
 
 
 def report(survey: Survey, receiver: Receiver) -> list[str]:

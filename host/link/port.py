@@ -66,15 +66,15 @@ def _is_terminal(device: int) -> bool:
     return not kind.exists() or kind.resolve().name == "tty"
 
 
-def open_port(port: str) -> serial.Serial:
-    """UserError where it is missing, taken, or no port."""
+def open_port(port: str, baud: int = protocol.BAUD, read_s: float = READ_S) -> serial.Serial:
+    """A read waits for `read_s` at most. UserError where it is missing, taken, or no port."""
     check_address(port)
     remote = port.startswith("rfc2217://")  # pyserial has no write timeout there
     try:
         return serial.serial_for_url(
             port,
-            baudrate=protocol.BAUD,
-            timeout=READ_S,
+            baudrate=baud,
+            timeout=read_s,
             write_timeout=None if remote else WRITE_TIMEOUT_S,
             exclusive=True,
         )
@@ -98,7 +98,7 @@ def _why_not(port: str, error: Exception) -> str:
         return f"serial port {port} does not exist; ports there now: {there}"
     if code == errno.EACCES:
         return f"no permission to open {port}: `sudo usermod -aG dialout $USER`, then log in again"
-    if code == errno.EAGAIN or "exclusively lock" in str(error):
+    if code in (errno.EAGAIN, errno.EBUSY) or "exclusively lock" in str(error):
         return f"{port} is in use by another program; close it first"
     if code == errno.EISDIR:
         return f"cannot open {port} as a serial port: it is a folder"

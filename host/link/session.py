@@ -26,7 +26,7 @@ HELLO_TIMEOUT_S = 5.0
 ANSWER_TIMEOUT_S = 1.0
 """A board answers within a tick, and later only while it writes its EEPROM."""
 FIRMWARE_CLOCK_S = 2**32 * 1e-6
-"""The firmware's microseconds wrap here, which is no reset."""
+"""The firmware's microseconds wrap here, after 71 minutes, which is no reset."""
 
 _STATES = {int(state): state for state in State}
 Direction = Literal["to_firmware", "to_host"]
@@ -56,6 +56,8 @@ class Session:
         self._seq = 0
         self._hello_at = -math.inf
         self._firmware_time = -math.inf
+        self._rounds_s = 0.0
+        """What the firmware's clock has gone round since it started."""
 
     @property
     def frames_bad(self) -> int:
@@ -109,6 +111,9 @@ class Session:
     def _telemetry(self, now: float, message: protocol.Telemetry) -> Telemetry:
         if message.time < self._firmware_time < FIRMWARE_CLOCK_S - 1:
             self.resets += 1
+            self._rounds_s = 0.0
+        elif message.time < self._firmware_time:
+            self._rounds_s += FIRMWARE_CLOCK_S
         self._firmware_time = message.time
         self.telemetry = Telemetry(
             stamp=now,
@@ -124,7 +129,7 @@ class Session:
             battery_v=message.battery,
             last_seq=message.last_seq,
             frames_bad=message.frames_bad,
-            firmware_s=message.time,
+            firmware_s=self._rounds_s + message.time,
             refusal=self.refusal,
         )
         return self.telemetry

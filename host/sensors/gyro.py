@@ -20,7 +20,7 @@ from pydantic_core import from_json
 
 from host.core.errors import UserError
 from host.core.messages import Turned
-from host.sensors.camera_stream import authorization
+from host.sensors.camera_stream import fetch, refusal
 from host.sensors.newest import Feed, SourceLostError
 
 PATH: Final = "/sensors.json"
@@ -41,6 +41,9 @@ for a part of a sample."""
 UNHURRIED: Final = 1e-4
 """Share of the time by which the phone's clock may run otherwise than the laptop's."""
 
+FOR_EVER: Final = (400, 403, 405, 410, 501)
+"""Answers, besides 404, of an app that has no sensors. It is not asked again: many an app serves
+one client at a time, and that has to be the camera."""
 NO_ANSWER: Final = "what comes is no list of sensors; give their address, or none"
 
 Vector = tuple[float, float, float]
@@ -192,13 +195,14 @@ def _from_app(url: str, feed: Feed[Turned]) -> Iterator[Turned]:
     heard = feed.clock()
     try:
         while not feed.stopping:
-            connection.request("GET", path, headers=authorization(parts))
-            response = connection.getresponse()
+            response = fetch(connection, path, parts)
             answer = response.read(MOST_BYTES)
             if response.status == http.HTTPStatus.NOT_FOUND:
                 raise SourceLostError("the app gives no sensors: no /sensors.json", final=True)
             if response.status != http.HTTPStatus.OK:
-                raise SourceLostError(f"the server answers {response.status} {response.reason}")
+                raise refusal(response, final=response.status in FOR_EVER)
+            if response.headers.get_content_type() == "text/html":
+                raise SourceLostError(NO_ANSWER, final=True)
             now = feed.clock()
             turned = turning.feed(now, answer)
             if turned is not None:

@@ -75,6 +75,11 @@ class Feed(Generic[T]):
         """Waits in the source's thread; ends at once when the feed is closed."""
         self._stop.wait(seconds)
 
+    def doubt(self, reason: str) -> None:
+        """Says why nothing comes of a source that is connected and speaks; the next item takes it
+        back. Called in the source's thread."""
+        self._lost(plain(reason))
+
     def start(self) -> None:
         """Connects, in the feed's own thread."""
         self._thread.start()

@@ -1,6 +1,7 @@
 """NMEA 0183 from a phone into fixes.
 
-`Receiver` is the parser without I/O; `gnss_feed` runs it on a TCP port, a serial port or a file.
+`Receiver` is the parser without I/O; `gnss_feed` runs it on a TCP or UDP port, a serial port or a
+file.
 """
 
 from __future__ import annotations
@@ -17,10 +18,10 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 import pynmea2
-import serial
 
 from host.core.errors import UserError
 from host.core.messages import Fix
+from host.link.port import open_port
 from host.sensors.newest import Feed, SourceLostError
 
 KNOT_MPS = 1852 / 3600
@@ -206,6 +207,8 @@ class Receiver:
             return []
         fixes: list[Fix] = []
         epoch = self._epoch
+        if epoch is not None and epoch.time == time is not None and kind in epoch.kinds:
+            return []  # of another receiver, or of another of its systems: the first one counts
         if epoch is None or epoch.time != time or kind in epoch.kinds:
             fixes = self.flush()
             if time is not None and time == self._emitted:
@@ -224,6 +227,10 @@ class Receiver:
         self.bad[f"{kind} field"] += 1
 
 
+BAUD = 9600
+"""Of a receiver's serial port; over USB and Bluetooth it counts for nothing."""
+EPOCHLESS_S = 5.0
+"""A receiver that speaks and gives no new epoch for so long gives none that one could drive by."""
 READ_S = 0.1
 """Longest wait for bytes, so that a feed that is closed ends soon."""
 CONNECT_S = 5.0
@@ -232,9 +239,17 @@ BYTES_AT_ONCE = 4096
 """Several epochs; a receiver sends 500 bytes a second."""
 
 
+DATAGRAM_BYTES = 65_536
+"""More than any holds; the rest of a longer one would be lost."""
+
+
 def _serial_reader(path: str, baud: int) -> Iterator[bytes]:
     """What came within READ_S, perhaps nothing, for ever."""
-    with serial.Serial(path, baudrate=baud, timeout=READ_S) as port:
+    try:
+        opened = open_port(path, baud, READ_S)
+    except UserError as error:
+        raise SourceLostError(str(error)) from error
+    with opened as port:
         while True:
             yield port.read(max(1, min(BYTES_AT_ONCE, port.in_waiting)))
 
@@ -254,10 +269,24 @@ def _tcp_reader(host: str, tcp_port: int) -> Iterator[bytes]:
             yield data
 
 
+def _udp_reader(host: str, udp_port: int) -> Iterator[bytes]:
+    """The same of an app that sends datagrams to this laptop, each of whole sentences: some end
+    them without a line's end."""
+    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_DGRAM) as at:
+        at.bind((host, udp_port))
+        at.settimeout(READ_S)
+        while True:
+            try:
+                yield at.recv(DATAGRAM_BYTES) + b"\n"
+            except TimeoutError:
+                yield b""
+
+
 def _from_port(
     reader: Callable[[], Iterator[bytes]], receiver: Receiver, feed: Feed[Fix]
 ) -> Iterator[Fix]:
-    heard = feed.clock()
+    heard = told = feed.clock()
+    before = receiver.sentences.copy()
     try:
         for data in reader():
             now = feed.clock()
@@ -265,11 +294,28 @@ def _from_port(
                 heard = now
             elif now - heard > feed.silence_s:
                 raise SourceLostError(f"silent for {feed.silence_s:.0f} s")
-            yield from receiver.feed(now, data)
+            for fix in receiver.feed(now, data):
+                told, before = now, receiver.sentences.copy()
+                yield fix
+            if now - told > EPOCHLESS_S:
+                feed.doubt(_epochless(receiver.sentences - before))
+                told, before = now, receiver.sentences.copy()
             if feed.stopping:
                 return
     except (OSError, ValueError) as error:
         raise SourceLostError(str(error)) from error
+
+
+def _epochless(heard: Counter[str]) -> str:
+    """Why no position comes of the sentences that have been heard meanwhile, by their types."""
+    if not heard:
+        return (
+            "what it sends is no NMEA: is the address right, and does a serial port run at "
+            f"{BAUD} baud?"
+        )
+    if heard["GGA"] + heard["RMC"] == 0:
+        return "it sends NMEA without a position: switch GGA and RMC on in its settings"
+    return "it repeats an old position: restart it, or the phone's app"
 
 
 def _from_file(path: Path, receiver: Receiver, feed: Feed[Fix]) -> Iterator[Fix]:
@@ -287,10 +333,11 @@ def gnss_feed(
     url: str,
     clock: Callable[[], float],
     report: Callable[[str], None],
-    baud: int = 9600,
+    baud: int = BAUD,
     tap: Callable[[bytes], object] | None = None,
 ) -> tuple[Feed[Fix], Receiver]:
-    """`url`: tcp://HOST:PORT (what phone apps offer), a serial port (/dev/ttyUSB0), or a file.
+    """`url`: tcp://HOST:PORT (what phone apps offer), udp://:PORT (where they send to), a serial
+    port (/dev/ttyUSB0), or a file.
 
     The feed runs when it is started; the receiver carries the counts and hands every byte to `tap`,
     in the feed's thread. Raises UserError on a URL that cannot mean any of these.
@@ -309,6 +356,16 @@ def gnss_feed(
                 f"GNSS address {url}: needs a host and a port, as tcp://192.168.1.7:2947"
             )
         source = partial(_from_port, partial(_tcp_reader, host, port), receiver)
+    elif parts.scheme == "udp":
+        try:
+            port = parts.port
+        except ValueError:
+            port = None
+        if not port:
+            raise UserError(
+                f"GNSS address {url}: needs the port that the app sends to, as udp://:5005"
+            )
+        source = partial(_from_port, partial(_udp_reader, parts.hostname or "", port), receiver)
     elif path.is_file():
         source = partial(_from_file, path, receiver)
     elif path.is_char_device():
@@ -317,7 +374,8 @@ def gnss_feed(
         raise UserError(f"GNSS source {url} is neither a serial port nor an NMEA file; name one")
     elif parts.scheme:
         raise UserError(
-            f"GNSS address {url}: scheme {parts.scheme}:// is unknown; use tcp://HOST:PORT"
+            f"GNSS address {url}: scheme {parts.scheme}:// is unknown; use tcp://HOST:PORT or "
+            "udp://:PORT"
         )
     else:
         raise UserError(

@@ -30,6 +30,8 @@ BYTE_S: Final = 10 / protocol.BAUD
 """On the line: start bit, eight bits, stop bit."""
 OFFSETS: Final = 12
 """Telemetry, a quarter of a second, whose quickest tells how host's and firmware's clock differ."""
+SILENT_S: Final = 1.0
+"""Without telemetry, of which 50 come in a second: the board hangs, or its wire is broken."""
 REST_S: Final = 0.2
 """Motor off at least so long: twice the slowest motor's lag."""
 STILL_DEG: Final = 0.15
@@ -38,6 +40,8 @@ STILL_SAMPLES: Final = 14
 """Telemetry samples in the mean of a resting angle."""
 MOVED_DEG: Final = 0.14
 """Between two such means: more than the pot's noise, less than the slowest motion."""
+TRY_S: Final = 0.25
+"""Of a try which way a duty moves the wheel: half of that, while nothing is known yet."""
 PULSE_S: Final = 0.5
 """Of a try whether a duty moves the wheel: below the firmware's suspicion of a stall."""
 START_DEG: Final = 24.0
@@ -85,6 +89,8 @@ class Experimenter:
     _segments: dict[int, _Segment] = field(default_factory=dict)
     _offsets_s: deque[float] = field(default_factory=lambda: deque(maxlen=OFFSETS))
     """Host's clock less the firmware's, of the latest telemetry: the two drift apart."""
+    _heard_s: float | None = None
+    """When telemetry came last, on the host's clock."""
     _way: int = 0
     _coasts_deg: list[float] = field(default_factory=list)
     """How far the released motor ran on, run by run."""
@@ -95,7 +101,15 @@ class Experimenter:
         """Lets time pass, to the first telemetry that `until` likes. The link stays fed."""
         end = self.wire.now + seconds
         while self.wire.now < end - 1e-9:
-            for telemetry in self.wire.poll():
+            arrived = self.wire.poll()
+            if arrived or self._heard_s is None:
+                self._heard_s = self.wire.now
+            elif self.wire.now - self._heard_s > SILENT_S:
+                raise UserError(
+                    f"no telemetry for {SILENT_S:g} s; the firmware hangs or the cable is broken. "
+                    "Reset the board and start again"
+                )
+            for telemetry in arrived:
                 self._take(telemetry)
                 if until is not None and until(telemetry):
                     return True
@@ -183,7 +197,7 @@ class Experimenter:
         way = -1 if self.angle() > 0 else 1
         for duty in range(40, self.duty_max + 1, 20):
             before = self.angle()
-            self.drive(way * duty, 0.25, _far_from(before, 2 * enough_deg))
+            self.drive(way * duty, TRY_S, _far_from(before, 2 * enough_deg))
             self.release()
             moved = self.angle() - before
             if abs(moved) > enough_deg:
@@ -196,8 +210,9 @@ class Experimenter:
                     )
                 return duty
         raise UserError(
-            f"the steering does not move at a duty of {self.duty_max}: check the motor, its "
-            "supply and the bridge, or raise ident_duty_max"
+            f"the steering does not move at a duty of {self.duty_max}, or by less than "
+            f"{enough_deg:.2g} degrees in {TRY_S:g} s: check the motor, its supply, its gear and "
+            "the bridge, or raise ident_duty_max"
         )
 
     def go_to(self, angle_deg: float, duty: int) -> None:

@@ -83,7 +83,7 @@ void Controller::tick(Board &board) {
   uint8_t commands = 0;
   while (board.receive(&byte)) {
     if (!parser_.feed(byte, &command)) continue;
-    take(board, command);
+    if (take(board, command)) last_seq_ = command.seq;
     ++commands;
   }
   // They wait for ticks that a full line leaves time for, and ARM waits for them.
@@ -126,17 +126,16 @@ bool Controller::fresh(uint8_t seq) {
   return true;
 }
 
-void Controller::take(Board &board, const Command &command) {
+bool Controller::take(Board &board, const Command &command) {
   using namespace protocol;
-  last_seq_ = command.seq;
   const bool idle = !supervisor_.live() && !params_.saving() && !log_.clearing();
   switch (command.id) {
     case Hello::kId:
-      if (greeted_) break;  // a line full of them would take too long
+      if (greeted_) return false;  // a line full of them would take too long
       greeted_ = true;
       answer(board, Version{kVersion, kFirmwareMajor, kFirmwareMinor, board.build(),
                             board.reset_cause(), kCommit, kModified});
-      break;
+      return true;
     case Arm::kId: {
       const Arm arm = Arm::read(command.payload);
       const bool still = asked_.speed == 0 && !params_.saving() && unconfigured_ == 0;
@@ -145,18 +144,16 @@ void Controller::take(Board &board, const Command &command) {
         asked_ = Asked{};
         command_seq_ = command.seq;
       }
-      acknowledge(board, command, result);
-      break;
+      return acknowledge(board, command, result);
     }
     case Stop::kId:
       supervisor_.stop();
-      break;
+      return true;
     case Clear::kId:
-      acknowledge(board, command, supervisor_.clear());
-      break;
+      return acknowledge(board, command, supervisor_.clear());
     case protocol::Drive::kId: {
       // While nothing is on there is nothing to keep alive, and a new host counts from anywhere.
-      if (supervisor_.live() && !fresh(command.seq)) break;
+      if (supervisor_.live() && !fresh(command.seq)) return false;
       const auto drive = protocol::Drive::read(command.payload);
       asked_ = Asked{};
       asked_.steer = drive.steer;
@@ -164,65 +161,49 @@ void Controller::take(Board &board, const Command &command) {
       if (supervisor_.live()) blade_.request(drive.blade != 0);
       ident_used_ = 0;
       supervisor_.command(drive.speed != 0);
-      break;
+      return true;
     }
     case Ident::kId:
-      acknowledge(board, command, take_ident(command));
-      break;
+      return acknowledge(board, command, take_ident(command));
     case ParamGet::kId: {
       const ParamGet get = ParamGet::read(command.payload);
-      if (get.param < kParams) {
-        answer(board, ParamValue{get.param, params_.value(get.param)});
-      } else {
-        acknowledge(board, command, Result::UNKNOWN);
-      }
-      break;
+      if (get.param >= kParams) return acknowledge(board, command, Result::UNKNOWN);
+      answer(board, ParamValue{get.param, params_.value(get.param)});
+      return true;
     }
     case ParamSet::kId: {
       const ParamSet set = ParamSet::read(command.payload);
       const Result result = idle ? params_.set(set.param, set.value) : Result::WRONG_STATE;
       if (result == Result::OK) unconfigured_ = kParts;
-      acknowledge(board, command, result);
-      break;
+      return acknowledge(board, command, result);
     }
     case ParamSave::kId:
-      if (idle) {
-        save_request_ = command;
-        params_.begin_save();
-      } else {
-        acknowledge(board, command, Result::WRONG_STATE);
-      }
-      break;
+      if (!idle) return acknowledge(board, command, Result::WRONG_STATE);
+      save_request_ = command;
+      params_.begin_save();
+      return true;
     case ParamDefaults::kId:
-      if (restored_) break;  // as of Hello
+      if (restored_) return false;  // as of Hello
       restored_ = true;
       if (idle) {
         params_.set_defaults();
         unconfigured_ = kParts;
       }
-      acknowledge(board, command, idle ? Result::OK : Result::WRONG_STATE);
-      break;
+      return acknowledge(board, command, idle ? Result::OK : Result::WRONG_STATE);
     case LogGet::kId: {
       const LogGet get = LogGet::read(command.payload);
-      if (get.index < FaultLog::kEntries) {
-        log_wanted_ = get.index;
-      } else {
-        acknowledge(board, command, Result::UNKNOWN);
-      }
-      break;
+      if (get.index >= FaultLog::kEntries) return acknowledge(board, command, Result::UNKNOWN);
+      log_wanted_ = get.index;
+      return true;
     }
     case LogClear::kId:
-      if (idle) {
-        save_request_ = command;
-        log_.begin_clear();
-      } else {
-        acknowledge(board, command, Result::WRONG_STATE);
-      }
-      break;
+      if (!idle) return acknowledge(board, command, Result::WRONG_STATE);
+      save_request_ = command;
+      log_.begin_clear();
+      return true;
     default:  // HilSensors: the parser lets no other id through
       hil_ = board.inject(HilSensors::read(command.payload));
-      if (!hil_) acknowledge(board, command, Result::UNKNOWN);
-      break;
+      return hil_ || acknowledge(board, command, Result::UNKNOWN);
   }
 }
 
@@ -377,8 +358,9 @@ void Controller::show_state(Board &board) {
   board.set_lamp(supervisor_.live() || beat_ % (2 * half) < half);
 }
 
-void Controller::acknowledge(Board &board, const Command &command, Result result) {
+bool Controller::acknowledge(Board &board, const Command &command, Result result) {
   answer(board, protocol::Ack{command.id, command.seq, static_cast<uint8_t>(result)});
+  return result == Result::OK;
 }
 
 template <typename Message>

@@ -40,7 +40,8 @@ class Controller {
 
   static constexpr uint8_t kNoEntry = UINT8_MAX;
 
-  void take(Board &board, const Command &command);
+  // Whether it was taken: what is refused, old or repeated changes nothing.
+  bool take(Board &board, const Command &command);
   bool fresh(uint8_t seq);
   protocol::Result take_ident(const Command &command);
   protocol::Result take_param_set(const protocol::ParamSet &set);
@@ -53,7 +54,8 @@ class Controller {
   void off(Board &board);
   void report(Board &board);
   void show_state(Board &board);
-  void acknowledge(Board &board, const Command &command, protocol::Result result);
+  // Whether the result is OK.
+  bool acknowledge(Board &board, const Command &command, protocol::Result result);
   void report_readings(Board &board);
   template <typename Message>
   void answer(Board &board, const Message &message);

@@ -184,6 +184,43 @@ TEST_CASE("An Ack names the request and its sequence number") {
   CHECK(rig.state() == State::SAFE);
 }
 
+TEST_CASE("Telemetry names the last command that was taken, and none that was refused") {
+  using Message = std::pair<uint8_t, std::vector<uint8_t>>;
+  constexpr size_t kLastSeq = 26;
+  const std::vector<uint8_t> none{};
+  for (const Message &each :
+       {Message{protocol::Arm::kId, {protocol::kVersion + 1}},
+        Message{protocol::Ident::kId, {255, 0, 100, 0}},  // too much duty
+        Message{protocol::ParamGet::kId, {255}}, Message{protocol::ParamSet::kId, {0, 2, 0}},
+        Message{protocol::ParamSave::kId, none}, Message{protocol::ParamDefaults::kId, none},
+        Message{protocol::LogGet::kId, {255}}, Message{protocol::LogClear::kId, none},
+        Message{protocol::HilSensors::kId, std::vector<uint8_t>(16)}}) {
+    CAPTURE(each.first);
+    Rig rig;
+    rig.arm();
+    const uint8_t taken = rig.board.next_seq;
+    rig.drive();
+    REQUIRE(rig.telemetry().at(kLastSeq) == taken);
+    rig.board.type(each.first, each.second);
+    CHECK(rig.telemetry().at(kLastSeq) == taken);
+    // A Drive that is repeated is not taken either.
+    rig.board.next_seq = taken - 1;
+    rig.drive();
+    CHECK(rig.telemetry().at(kLastSeq) == taken);
+  }
+  for (const Message &each :
+       {Message{protocol::Hello::kId, {protocol::kVersion}}, Message{protocol::Stop::kId, none},
+        Message{protocol::Arm::kId, {protocol::kVersion}}, Message{protocol::ParamGet::kId, {0}},
+        Message{protocol::ParamSave::kId, none}, Message{protocol::ParamDefaults::kId, none},
+        Message{protocol::LogGet::kId, {0}}, Message{protocol::LogClear::kId, none}}) {
+    CAPTURE(each.first);
+    Rig rig;
+    rig.board.next_seq = 77;
+    rig.board.type(each.first, each.second);
+    CHECK(rig.telemetry().at(kLastSeq) == 77);
+  }
+}
+
 TEST_CASE("Frames to the host count modulo 256; one that did not fit is not counted") {
   Rig rig;
   rig.tick(4 * 300);

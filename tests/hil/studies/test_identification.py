@@ -19,13 +19,15 @@ from hil.studies.actuators import (
 )
 from hil.studies.identification import StandWire, compare, defaults, identify_plant, verdict
 from host.core.errors import UserError
-from host.core.messages import State
+from host.core.messages import State, Telemetry
 from host.link import protocol
 from host.tune import closed_loop, experiments, on_machine
 from host.tune.actuator_model import ActuatorModel, Findings
 from host.tune.pot_calibration import calibrate_pot
 from host.tune.step_response import Step
 
+LIMIT_S = 15.0
+"""Of the stand's time."""
 PLANT = replace(population(1, 3, ranges=NOMINAL_RANGES)[0], slew_degps=55.0)
 
 
@@ -115,6 +117,25 @@ def test_a_motor_wired_the_wrong_way_is_told_before_it_runs_far() -> None:
         assert np.degrees(np.abs(stand.log()["steer_angle"]).max()) < 15.0
 
 
+def test_a_board_that_is_no_longer_heard_ends_the_experiment() -> None:
+    """Its wire to the laptop is broken, and it takes what is sent: waiting would never end."""
+
+    class Deaf(StandWire):
+        def poll(self) -> list[Telemetry]:
+            heard = super().poll()
+            assert self.now < LIMIT_S, "it waits for ever"
+            return heard if self.now < 1.0 else []
+
+    with Stand(PLANT.machine(), log_s=20.0) as stand:
+        wire = Deaf(stand)
+        stand.advance(0.02)
+        with (
+            pytest.raises(UserError, match="no telemetry for 1 s"),
+            experiments.armed(wire, "stand", defaults()) as running,
+        ):
+            running.identify()
+
+
 def test_a_jammed_steering_is_told() -> None:
     with Stand(PLANT.machine(), log_s=20.0) as stand:
         stand.given["steer_jam"] = 1
@@ -125,6 +146,11 @@ def test_a_jammed_steering_is_told() -> None:
             experiments.armed(wire, "stand", defaults()) as running,
         ):
             running.identify()
+
+
+def test_a_steering_that_creeps_is_not_called_stuck_alone() -> None:
+    with pytest.raises(UserError, match=r"or by less than 1\.5 degrees in 0\.25 s: .* its gear"):
+        identify_plant(replace(PLANT, slew_degps=8.0))
 
 
 def test_a_machine_in_fault_is_not_armed() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import stat
 import subprocess
+import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -254,6 +255,25 @@ def test_monitor_gives_every_message_as_json(cli: Cli, board: FakeFirmware) -> N
     assert len(messages) > 10
     assert messages[0]["state"] == "SAFE"
     assert messages[0]["battery_v"] == 12.0
+
+
+def test_monitor_says_that_the_board_is_silent_or_has_restarted(
+    cli: Cli, board: FakeFirmware
+) -> None:
+    def later() -> None:
+        board.wait_for(protocol.Hello)
+        board.mute.set()
+
+    threading.Thread(target=later, daemon=True).start()
+    code, _, err = cli("monitor", "--port", board.port, "--duration", "1.5")
+    assert code == 0
+    assert err == "no telemetry for 1 s: the board hangs, or its cable is broken\n"
+    board.mute.clear()
+    restart = threading.Timer(0.5, board.reset)
+    restart.start()
+    _, _, err = cli("monitor", "--port", board.port, "--duration", "1")
+    restart.join()
+    assert err == "the firmware has restarted\n"
 
 
 def test_monitor_shows_what_the_sensors_read(cli: Cli, board: FakeFirmware) -> None:

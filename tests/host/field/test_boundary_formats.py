@@ -385,6 +385,33 @@ def test_what_a_mac_writes_into_a_zip_besides_is_no_field(tmp_path: Path) -> Non
     assert load_field(path).name == "North"
 
 
+def test_what_a_zips_other_formats_have_besides_is_not_lost(tmp_path: Path) -> None:
+    """The field in two formats is one field; the pond that only one of them has is a keep-out."""
+    lon, lat = AROUND[0]
+    pond = [(lon + x, lat + y) for x, y in [(4e-4, 4e-4), (5e-4, 4e-4), (5e-4, 5e-4)]]
+    rounded = [(round(x, 6) + 1e-6, y) for x, y in AROUND]
+    with zipfile.ZipFile(path := tmp_path / "export.zip", "w") as archive:
+        archive.writestr("field.kml", kml("North"))
+        archive.writestr("more.geojson", collection(feature("north", rounded), feature("P", pond)))
+        archive.writestr("about.json", '{"program": "of a farm"}')
+    field = load_field(path)
+    assert field.name == "North"
+    assert len(field.keep_outs) == 1
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("south.gpx", gpx_around(moved(AROUND, 0.01)))
+    with pytest.raises(UserError, match=r"2 fields side by side: 1 'North', 2 'South'"):
+        load_field(path)
+    assert load_field(path, "North") == field
+
+
+def gpx_around(ring: list[tuple[float, float]]) -> str:
+    points = "".join(f'<trkpt lat="{lat}" lon="{lon}"/>' for lon, lat in ring)
+    return (
+        '<gpx version="1.1" creator="x" xmlns="http://www.topografix.com/GPX/1/1"><trk>'
+        f"<name>South</name><trkseg>{points}</trkseg></trk></gpx>"
+    )
+
+
 def test_a_zip_of_something_else_says_what_it_may_hold(tmp_path: Path) -> None:
     with zipfile.ZipFile(path := tmp_path / "export.zip", "w") as archive:
         archive.writestr("photo.jpg", b"")

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime
+import errno
+import io
 import math
 import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pynmea2
@@ -594,6 +599,28 @@ def test_a_walk_is_recorded_from_the_phone_until_ctrl_c(tmp_path: Path) -> None:
     assert load_field(out).crop
 
 
+def test_a_walk_that_can_no_longer_be_recorded_ends_with_what_to_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Full(io.RawIOBase):
+        def write(self, _: Any) -> int:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "open", lambda *_, **__: Full())
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def speak() -> None:
+            phone, _ = listener.accept()
+            with phone, contextlib.suppress(OSError):
+                phone.sendall("".join(f"{line}\r\n" for line in walk(around(SQUARE))).encode())
+                phone.recv(1)
+
+        threading.Thread(target=speak, daemon=True).start()
+        url = f"tcp://127.0.0.1:{listener.getsockname()[1]}"
+        with pytest.raises(UserError, match="ends after 0 positions: No space left on device"):
+            record_walk(url, tmp_path / "field.nmea", lambda _: None)
+
+
 def test_a_recorded_walk_is_not_written_over(tmp_path: Path, cli: Cli) -> None:
     recorded(tmp_path, ["precious"], "field.nmea")
     code, _, err = cli("survey", "tcp://127.0.0.1:9", "--out", str(tmp_path / "field.kml"))
@@ -660,6 +687,22 @@ def test_a_phone_apps_gpx_is_a_walk(
     assert "laps: 2" in text
     found = load_field(tmp_path / "field.geojson").polygon(ORIGIN)
     assert iou(found, shapely.Polygon(SQUARE)) > 0.99
+
+
+def test_a_place_that_the_walk_marks_is_said_to_be_no_keep_out(tmp_path: Path, cli: Cli) -> None:
+    way = [*SQUARE, SQUARE[0]]
+    path = gpx(tmp_path / "walk.gpx", [[(place, k * 50.0) for k, place in enumerate(way)]])
+    places = {"the well": shapely.Polygon(SQUARE).centroid.coords[0], "home": (-200.0, 0.0)}
+    for name, place in places.items():
+        lat, lon = ORIGIN.to_wgs84(*place)
+        mark = f'<wpt lat="{lat}" lon="{lon}"><name>{name}</name></wpt>'
+        path.write_text(path.read_text().replace("<trk>", f"{mark}<trk>"))
+    out = tmp_path / "field.geojson"
+    code, text, err = cli("survey", str(path), "--out", str(out))
+    assert code == 0, err
+    assert "warning: the file has in the field, and not as a keep-out: 'the well' (Point)" in text
+    assert "home" not in text
+    assert "the well" in load_field(out).not_kept_out, "whoever plans with it is told as well"
 
 
 def test_what_an_app_did_not_see_for_a_minute_is_a_jump(tmp_path: Path) -> None:

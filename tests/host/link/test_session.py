@@ -152,9 +152,14 @@ def test_every_result_has_its_words() -> None:
 
 def test_a_reset_of_the_firmware_is_counted_and_the_clocks_wrap_is_not() -> None:
     session = Session()
-    for time_s in (10.0, 10.02, 0.1, 4294.95, 0.01):
-        session.feed(0.0, protocol.encode(replace(RESTING, time=time_s), 0))
-    assert session.resets == 1
+    told = [
+        session.feed(0.0, protocol.encode(replace(RESTING, time=time_s), 0))[0].firmware_s
+        for time_s in (10.0, 10.02, 0.1, 4294.95, 0.01, 4294.96, 0.02, 5.0, 1.0)
+    ]
+    assert session.resets == 2
+    round_s = 2**32 * 1e-6
+    assert told[:5] == pytest.approx([10.0, 10.02, 0.1, 4294.95, round_s + 0.01])
+    assert told[5:] == pytest.approx([round_s + 4294.96, 2 * round_s + 0.02, 2 * round_s + 5, 1.0])
 
 
 @given(st.lists(st.binary(max_size=80)))
@@ -339,6 +344,19 @@ def test_a_taken_port_is_said(board: FakeFirmware) -> None:
 def test_what_is_no_port_is_refused(port: str, message: str) -> None:
     with pytest.raises(UserError, match=message):
         Link(port, time.monotonic)
+
+
+def test_a_port_that_another_program_keeps_for_itself_is_said_to_be_in_use(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As minicom, screen or the system's modem manager do (TIOCEXCL, tty_ioctl(4))."""
+
+    def busy(*_: object, **_more: object) -> None:
+        raise OSError(errno.EBUSY, "Device or resource busy")
+
+    monkeypatch.setattr("serial.serial_for_url", busy)
+    with pytest.raises(UserError, match="in use by another program"):
+        Link("/dev/ttyACM0", time.monotonic)
 
 
 def test_a_forbidden_port_names_the_group(monkeypatch: pytest.MonkeyPatch) -> None:

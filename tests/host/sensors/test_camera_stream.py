@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import http.server
+import itertools
+import socket
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
+from urllib.parse import urlsplit
 
 import cv2
 import numpy as np
@@ -18,9 +23,11 @@ from hypothesis import strategies as st
 
 from host.core.errors import UserError
 from host.sensors.camera_stream import (
+    ASKED_S,
     MAX_JPEG_BYTES,
     MultipartJpeg,
     Picture,
+    _from_http,
     _from_multipart,
     camera_feed,
 )
@@ -75,6 +82,24 @@ def test_pictures_do_not_depend_on_how_the_bytes_are_cut(
 
 def test_with_a_length_a_picture_is_given_without_waiting_for_the_next() -> None:
     assert MultipartJpeg("frame").feed(with_length(PICTURES[0])) == [PICTURES[0]]
+
+
+def thumbnailed(picture: bytes) -> bytes:
+    """With another picture in its EXIF segment."""
+    inside = b"Exif\0\0" + PICTURES[2]
+    return picture[:2] + b"\xff\xe1" + (len(inside) + 2).to_bytes(2) + inside + picture[2:]
+
+
+@pytest.mark.parametrize("padding", [b"", b"\r\n", b"\0\0\r\n"])
+def test_without_a_length_a_picture_is_given_without_waiting_for_the_next(padding: bytes) -> None:
+    parser = MultipartJpeg("frame")
+    whole = thumbnailed(PICTURES[0])
+    stream = without_length(whole).removesuffix(b"\r\n") + padding
+    inside = stream.index(PICTURES[2]) + len(PICTURES[2])
+    assert parser.feed(stream[:inside]) == [], "the thumbnail's end is not the picture's"
+    assert parser.feed(stream[inside:]) == [whole]
+    assert parser.feed(without_length(PICTURES[1])) == [PICTURES[1]]
+    assert parser.bad == 0
 
 
 @pytest.mark.parametrize("boundary", ["frame", "--frame", '"frame"'])
@@ -152,12 +177,23 @@ def test_of_pictures_that_come_at_once_only_the_newest_is_given() -> None:
         next(given)
 
 
+def test_a_stream_that_flows_and_holds_no_picture_is_lost() -> None:
+    """Another boundary than the header's, pictures that are no JPEG, an app that says it waits."""
+    clock = itertools.count()
+    feed: Feed[Picture] = Feed("camera", lambda _: iter(()), lambda: next(clock), print)
+    parts = iter([b"--other\r\n\r\nwait\r\n"] * 10 + [b""])
+    waiting: Any = SimpleNamespace(read1=lambda _count: next(parts))
+    with pytest.raises(SourceLostError, match="no whole JPEG for 3 s"):
+        next(_from_multipart(waiting, MultipartJpeg("frame"), feed))
+
+
 # ---- the sources ---------------------------------------------------------------------------------
 
 
 class Phone(http.server.ThreadingHTTPServer):
-    """/video streams PICTURES once and closes, /shot.jpg gives one, /page is no picture, /locked
-    wants a password, /silent never sends."""
+    """/video streams PICTURES once and closes, /shot.jpg gives one, /broken.jpg as well and closes
+    a connection that it promised to keep, /page is no picture, /locked wants a password, /moved is
+    elsewhere, /busy serves somebody else, /silent never sends."""
 
     daemon_threads = True
 
@@ -181,7 +217,17 @@ class Handler(http.server.BaseHTTPRequestHandler):
         if self.path == "/locked" and self.headers["Authorization"] != "Basic dTpwQDpz":
             self.send_error(401)
             return
+        if self.path in ("/moved", "/busy"):
+            self.send_response(302 if self.path == "/moved" else 503)
+            self.send_header("Content-Length", "0")
+            if self.path == "/moved":
+                self.send_header("Location", "/video?480p")
+            self.end_headers()
+            return
+        if self.path == "/broken.jpg":
+            self.protocol_version = "HTTP/1.1"
         kind = {
+            "/broken.jpg": "image/jpeg",
             "/video": "multipart/x-mixed-replace; boundary=frame",
             "/silent": "multipart/x-mixed-replace; boundary=frame",
             "/shot.jpg": "image/jpeg",
@@ -193,7 +239,10 @@ class Handler(http.server.BaseHTTPRequestHandler):
             return
         self.send_response(200)
         self.send_header("Content-Type", kind)
+        if self.path == "/broken.jpg":
+            self.send_header("Content-Length", str(len(PICTURES[0])))
         self.end_headers()
+        self.close_connection = True
         if self.path == "/video":
             for picture in PICTURES:
                 self.wfile.write(with_length(picture))
@@ -271,6 +320,9 @@ def test_a_phone_that_is_switched_off_is_reported() -> None:
         ("/page", "sends text/html, not pictures; is the path right"),
         ("/nothing", "answers 404"),
         ("/locked", "answers 401"),
+        ("/locked", "http://NAME:PASSWORD@HOST"),
+        ("/moved", "answers 302 Found: give the address /video?480p"),
+        ("/busy", "answers 503 Service Unavailable: close whatever else"),
         ("/silent", "silent for"),
     ],
 )
@@ -279,11 +331,43 @@ def test_what_the_server_does_wrong_is_said(path: str, problem: str) -> None:
         assert until(lambda: any(problem in report for report in reports))
 
 
+def test_an_app_that_does_not_encrypt_as_it_should_is_said() -> None:
+    """A phone's certificate is its own, or it has none."""
+    with phone() as server, running(server.url.replace("http:", "https:")) as (_, reports):
+        assert until(lambda: any("use the app's http:// address" in each for each in reports))
+
+
 def test_a_password_in_the_address_is_used() -> None:
     with phone() as server:
         url = server.url.replace("//", "//u:p%40%3As@") + "/locked"
         with running(url) as (feed, _):
             assert feed.wait(LIMIT_S)
+
+
+def test_single_pictures_are_not_asked_for_faster_than_they_are_looked_at() -> None:
+    with phone() as server:
+        feed = camera_feed(server.url + "/shot.jpg", lambda: 7.0, print)
+        paused: list[float] = []
+        feed.pause = paused.append  # type: ignore[method-assign]
+        pictures = _from_http(urlsplit(server.url + "/shot.jpg"), feed)
+        for _ in range(3):
+            next(pictures)
+    assert paused == pytest.approx([ASKED_S, ASKED_S])
+
+
+def test_a_network_stream_that_stalls_is_tried_again_soon() -> None:
+    """OpenCV by itself gives up after half a minute."""
+    with (
+        socket.create_server(("127.0.0.1", 0)) as listener,
+        running(f"rtsp://127.0.0.1:{listener.getsockname()[1]}/video") as (_, reports),
+    ):
+        assert until(lambda: bool(reports))
+
+
+def test_a_connection_that_was_to_be_kept_and_is_closed_is_no_loss() -> None:
+    with phone() as server, running(server.url + "/broken.jpg") as (feed, reports):
+        assert until(lambda: feed.count >= 5)
+        assert reports == []
 
 
 def test_a_lost_camera_is_reported_once_and_not_every_half_second() -> None:
@@ -316,6 +400,16 @@ def test_a_file_that_is_no_video_is_said(tmp_path: Path) -> None:
     path.write_text("not a video")
     with running(str(path)) as (_, reports):
         assert until(lambda: reports == ["camera lost: cannot be opened as a video"])
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems name cameras otherwise")
+def test_a_camera_that_is_no_device_or_forbidden_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    for number in ("987", "9" * 30):
+        with pytest.raises(UserError, match=f"camera {number}: there is no /dev/video{number}; ca"):
+            camera_feed(number, time.monotonic, print)
+    monkeypatch.setattr("os.access", lambda *_: False)
+    with pytest.raises(UserError, match="no permission to open the camera /dev/null: `sudo"):
+        camera_feed("/dev/null", time.monotonic, print)
 
 
 @pytest.mark.parametrize("url", ["http://", "http://host:x/", "ftp://host/video", "no-such.mp4"])

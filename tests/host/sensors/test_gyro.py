@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import http.server
 import json
 import math
+import threading
+import time
 
 import pytest
 from hypothesis import given
@@ -178,3 +181,35 @@ def test_the_sensors_are_served_beside_the_pictures() -> None:
 def test_an_address_that_is_none_is_refused_with_what_to_give(url: str) -> None:
     with pytest.raises(UserError, match="give http://HOST:PORT/sensors"):
         gyro_feed(url, lambda: 0.0, print)
+
+
+@pytest.mark.parametrize(
+    ("status", "kind", "tries"),
+    [(200, "text/html", 1), (404, "text/html", 1), (501, "text/plain", 1), (503, "text/plain", 3)],
+)
+def test_an_app_that_has_no_sensors_is_left_alone(status: int, kind: str, tries: int) -> None:
+    """Asked twice a second, many a camera app has no connection left for its pictures."""
+    asked = threading.Semaphore(0)
+
+    class App(http.server.BaseHTTPRequestHandler):
+        def log_message(self, format: str, *args: object) -> None:
+            del format, args
+
+        def do_GET(self) -> None:
+            self.send_response(status)
+            self.send_header("Content-Type", kind)
+            self.end_headers()
+            asked.release()
+
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), App) as app:
+        threading.Thread(target=app.serve_forever, daemon=True).start()
+        feed = gyro_feed(f"http://127.0.0.1:{app.server_port}", time.monotonic, lambda _: None)
+        feed.retry_s = 0.01
+        feed.start()
+        for _ in range(tries):
+            assert asked.acquire(timeout=10.0)
+        if tries == 1:
+            assert not feed.wait(10.0)
+            assert feed.stopping, "it has ended by itself"
+        feed.close()
+        app.shutdown()

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import cv2
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -31,6 +34,42 @@ def proved() -> JpegDecoder:
 def test_the_pixels_are_those_of_every_other_decoder() -> None:
     expected = cv2.imdecode(np.frombuffer(JPEG, np.uint8), cv2.IMREAD_COLOR)
     assert np.array_equal(JpegDecoder().decode(JPEG), expected)
+
+
+def held(orientation: int, order: Literal["little", "big"], *, jfif: bool) -> bytes:
+    """JPEG with an EXIF segment that a phone writes."""
+
+    def number(value: int, size: int) -> bytes:
+        return value.to_bytes(size, order)
+
+    entries = [(0x0110, 2, 1, 0), (0x0112, 3, 1, orientation), (0x0131, 2, 1, 0)]
+    tiff = (b"II" if order == "little" else b"MM") + number(42, 2) + number(8, 4)
+    tiff += number(len(entries), 2)
+    for tag, kind, count, value in entries:
+        tiff += number(tag, 2) + number(kind, 2) + number(count, 4) + number(value, 2) + bytes(2)
+    body = b"Exif\0\0" + tiff + bytes(4)
+    segment = b"\xff\xe1" + (len(body) + 2).to_bytes(2) + body
+    at = 20 if jfif else 2
+    assert JPEG[20:22] == b"\xff\xdb", "the JFIF segment ends there"
+    return JPEG[:at] + segment + JPEG[20 if jfif else 2 :]
+
+
+@pytest.mark.parametrize("jfif", [True, False])
+@pytest.mark.parametrize("order", ["little", "big"])
+@pytest.mark.parametrize("orientation", range(10))
+def test_a_picture_is_the_way_up_that_every_viewer_shows_it(
+    orientation: int, order: Literal["little", "big"], jfif: bool
+) -> None:
+    data = held(orientation, order, jfif=jfif)
+    expected = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    assert np.array_equal(JpegDecoder().decode(data), expected)
+
+
+@given(st.binary(max_size=60), st.booleans())
+def test_no_exif_segment_does_harm(data: bytes, whole: bool) -> None:
+    body = held(6, "big", jfif=False)[6:40] * whole + data
+    segment = b"\xff\xe1" + (len(body) + 8).to_bytes(2) + b"Exif\0\0" + body
+    assert JpegDecoder().decode(JPEG[:2] + segment + JPEG[2:]).size == BGR.size
 
 
 def test_a_file_whose_rest_is_lost_has_no_pixels() -> None:

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import itertools
 import math
+import os
+import pty
 import socket
 import threading
 import time
+import tty
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -19,7 +23,9 @@ from hypothesis import strategies as st
 from host.core.errors import UserError
 from host.core.frames import LocalFrame
 from host.core.messages import Fix
-from host.sensors.nmea import COMPANION_S, Receiver, gnss_feed
+from host.link.port import open_port
+from host.sensors.newest import Feed
+from host.sensors.nmea import COMPANION_S, Receiver, _from_port, gnss_feed
 from tests.helpers.real_data import real
 
 LIMIT_S = 10.0
@@ -297,7 +303,9 @@ def test_the_local_frame_is_east_and_north_in_true_metres() -> None:
     )
 
 
-@pytest.mark.parametrize("url", ["tcp://", "tcp://host:x", "ftp://host/x", "/dev/no-such-port", ""])
+@pytest.mark.parametrize(
+    "url", ["tcp://", "tcp://host:x", "udp://", "udp://:x", "ftp://host/x", "/dev/no-such-port", ""]
+)
 def test_a_source_that_cannot_be_is_refused_in_one_message(url: str) -> None:
     with pytest.raises(UserError, match="GNSS"):
         gnss_feed(url, time.monotonic, print)
@@ -348,6 +356,89 @@ def test_a_phone_that_falls_silent_is_reported() -> None:
                 threading.Event().wait(0.01)
         feed.close()
     assert reports[0] == "GNSS lost: silent for 3 s"
+
+
+@pytest.mark.parametrize("end", [b"\r\n", b""])
+def test_an_app_that_sends_datagrams_is_heard(end: bytes) -> None:
+    reports: list[str] = []
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as phone:
+        phone.bind(("127.0.0.1", 0))  # a port that is free, given back below
+        port = phone.getsockname()[1]
+    feed, _ = gnss_feed(f"udp://127.0.0.1:{port}", time.monotonic, reports.append)
+    feed.start()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as phone:
+        deadline = time.monotonic() + LIMIT_S
+        fix = None
+        for second in itertools.count():  # what is sent before it listens is lost
+            assert time.monotonic() < deadline, reports
+            for said in (gga(f"1125{second % 60:02d}"), rmc(f"1125{second % 60:02d}")):
+                phone.sendto(said.strip() + end, ("127.0.0.1", port))
+            if feed.wait(0.05):
+                fix = feed.take()
+            if fix is not None and fix.speed_mps is not None:
+                break
+    feed.close()
+    assert fix.quality == 2
+
+
+GSV = sentence("GPGSV,1,1,01,01,40,083,46,1")
+
+
+@pytest.mark.parametrize(
+    ("said", "problem"),
+    [
+        pytest.param(GSV, "without a position: switch GGA and RMC on", id="GSV alone"),
+        pytest.param(b"\x80\xf8x\n", "no NMEA: is the address right", id="another baud rate"),
+        pytest.param(GSV + gga() + rmc(), "repeats an old position", id="an old position"),
+    ],
+)
+def test_a_receiver_that_speaks_and_gives_no_new_position_is_said_once(
+    said: bytes, problem: str
+) -> None:
+    """It is connected and never silent: the screen would say that all is well."""
+    clock = itertools.count()
+    reports: list[str] = []
+    receiver = Receiver()
+    stream = itertools.chain([gga() + rmc()], itertools.repeat(said, 30), [gga("112520")])
+    reader = itertools.chain(stream, [b""])
+    feed: Feed[Fix] = Feed(
+        "GNSS",
+        partial(_from_port, lambda: reader, receiver),
+        lambda: float(next(clock)),
+        reports.append,
+    )
+    feed.start()
+    while feed.count < 2:
+        assert feed.wait(LIMIT_S)
+        feed.take()
+    feed.close()
+    assert [report for report in reports if problem in report] == reports[:1]
+    assert reports[1] == "GNSS is back"
+
+
+def test_of_two_systems_that_tell_one_epoch_the_first_counts_with_its_speed() -> None:
+    both = gga() + sentence("GNGGA,112511,4930.158756,N,00556.246941,E,2,20,0.5,314.0,M,48.0,M,,")
+    both += rmc() + sentence("GNRMC,112511,A,4930.158756,N,00556.246941,E,2.7,90.0,271022,1.1,W,D")
+    (fix,) = Receiver().feed(0.0, both)
+    assert fix.satellites == 12
+    assert fix.speed_mps == pytest.approx(2.7 * 1852 / 3600)
+
+
+def test_a_port_that_the_board_holds_is_not_read_from_besides() -> None:
+    ours, theirs = pty.openpty()
+    tty.setraw(theirs)
+    port = os.ttyname(theirs)
+    reports: list[str] = []
+    with open_port(port):
+        feed, _ = gnss_feed(port, time.monotonic, reports.append)
+        feed.start()
+        assert not feed.wait(0.3)
+        os.write(ours, gga() + rmc())
+        assert not feed.wait(0.3)
+        feed.close()
+    assert reports == [f"GNSS lost: {port} is in use by another program; close it first"]
+    os.close(ours)
+    os.close(theirs)
 
 
 def test_a_file_is_played_and_its_end_is_final(tmp_path: Path) -> None:
