@@ -9,7 +9,7 @@ from host.core.errors import UserError
 from host.core.messages import Frame
 from host.core.vehicle import Mount, Vehicle
 from host.runs.drive import fits, fitted
-from host.sensors.camera_stream import Picture
+from host.sensors.camera_stream import Picture, without_password
 from host.sensors.jpeg import MAX_PIXELS, JpegDecoder, size_of
 from host.sensors.newest import Feed
 from host.vision.mounted.detector import MountedDetector, make_detector
@@ -25,8 +25,8 @@ def first_picture(pictures: Feed[Picture], url: str, mount: Mount) -> Frame | No
     """None where it is spoiled; UserError where none comes, or its size is not the mount's."""
     if not pictures.wait(FIRST_PICTURE_S):
         raise UserError(
-            f"no picture from the camera {url} within {FIRST_PICTURE_S:g} s: {pictures.problem}; "
-            "start the phone's camera app and check the address"
+            f"no picture from the camera {without_password(url)} within {FIRST_PICTURE_S:g} s: "
+            f"{pictures.problem}; start the phone's camera app and check the address"
         )
     picture = pictures.take()
     return None if picture is None else fitting(picture, mount)

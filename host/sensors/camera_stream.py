@@ -137,6 +137,12 @@ def authorization(parts: SplitResult) -> dict[str, str]:
     return {"Authorization": "Basic " + base64.b64encode(pair.encode()).decode()}
 
 
+def without_password(url: str) -> str:
+    """A camera's address as it may be shown."""
+    parts = urlsplit(url)
+    return parts._replace(netloc=parts.netloc.rpartition("@")[2]).geturl() if parts.netloc else url
+
+
 def fetch(
     connection: http.client.HTTPConnection, path: str, parts: SplitResult
 ) -> http.client.HTTPResponse:

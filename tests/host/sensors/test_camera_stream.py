@@ -30,6 +30,7 @@ from host.sensors.camera_stream import (
     _from_http,
     _from_multipart,
     camera_feed,
+    without_password,
 )
 from host.sensors.jpeg import JpegDecoder
 from host.sensors.newest import MOST_WORDS, Feed, SourceLostError
@@ -416,3 +417,15 @@ def test_a_camera_that_is_no_device_or_forbidden_is_said(monkeypatch: pytest.Mon
 def test_a_camera_that_cannot_be_is_refused_in_one_message(url: str) -> None:
     with pytest.raises(UserError, match="camera"):
         camera_feed(url, time.monotonic, print)
+
+
+@pytest.mark.parametrize(
+    ("url", "shown"),
+    [
+        ("http://me:secret@phone:8080/video?x=1", "http://phone:8080/video?x=1"),
+        ("http://phone:8080/video", "http://phone:8080/video"),
+        ("/dev/video0", "/dev/video0"),
+    ],
+)
+def test_no_message_shows_the_camera_s_password(url: str, shown: str) -> None:
+    assert without_password(url) == shown
