@@ -29,6 +29,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from host.core.messages import Fix
 from host.core.vehicle_file import load_vehicle, mount_of
 from host.panel.board import MachineLine
+from host.panel.body import BodyError, json_body
 from host.panel.colours import ColourDesk
 from host.panel.fields import FieldDesk
 from host.panel.gate import Guard
@@ -45,10 +46,6 @@ TYPES: Final = {
 }
 COOKIE: Final = "daranti"
 PAGES: Final = 12
-BODY_BYTES: Final = 10_000
-"""Of a wish's body."""
-BODY_S: Final = 5.0
-"""For a request's body to come."""
 WISHES_A_SECOND: Final = 40
 """Of one page; more are refused."""
 HOLD_S: Final = 2.0
@@ -457,23 +454,6 @@ def runs(folder: Path) -> list[Json]:
     return found
 
 
-async def _body(request: Request) -> Json | None:
-    """A small JSON object, soon; None for anything else."""
-    if request.headers.get("content-type", "").split(";")[0] != "application/json":
-        return None
-    data = b""
-    try:
-        async with asyncio.timeout(BODY_S):
-            async for part in request.stream():
-                data += part
-                if len(data) > BODY_BYTES:
-                    return None
-        found = json.loads(data)
-    except (TimeoutError, ValueError):
-        return None
-    return found if isinstance(found, dict) else None
-
-
 def _parts() -> dict[str, bytes]:
     """The page and its parts, by the path that a browser asks for."""
     folder = resources.files("host.panel")
@@ -504,11 +484,13 @@ class Web:
 
     async def pair(self, request: Request) -> Response:
         """The code for a ticket, which the browser keeps."""
-        body = await _body(request)
+        body: Json = {}
+        with contextlib.suppress(BodyError):
+            body = await json_body(request)
         pairing = self._panel.pairing
         if pairing.wait_s > 0:
             return JSONResponse({"wait_s": round(pairing.wait_s)}, 429)
-        ticket = pairing.pair(str((body or {}).get("code", "")))
+        ticket = pairing.pair(str(body.get("code", "")))
         if ticket is None:
             return JSONResponse({"wrong": True, "wait_s": round(pairing.wait_s)}, 403)
         answer = JSONResponse({"paired": True})

@@ -16,8 +16,9 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from host.link import protocol
+from host.panel.body import BODY_BYTES
 from host.panel.guard import CODE_S, GUESSES, WAIT_S
-from host.panel.server import BODY_BYTES, PAGES
+from host.panel.server import PAGES
 from host.panel.strict_http import AN_ADDRESS, HEAD_S
 from tests.helpers.fake_firmware import RESTING, FakeFirmware
 from tests.helpers.served_panel import Served, now, served
