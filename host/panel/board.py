@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import math
 import os
 import subprocess
 import sys
@@ -19,8 +20,9 @@ from host.panel.machine import Settings
 from host.panel.snapshot import Json
 from host.panel.wire import Frames, WireError, packed
 
-START_S: Final = 20.0
-"""For a program of the board's to start and answer."""
+START_EVERY_S: Final = 2.0
+"""Seconds from one start of the machine's program to the next: one that ends at once is not started
+in a burst, nor does its log grow by one."""
 AGAIN_S: Final = 0.5
 """Between tries to reach it."""
 
@@ -53,6 +55,7 @@ class MachineLine:
         self._on_picture = on_picture
         self._writer: asyncio.StreamWriter | None = None
         self._process: subprocess.Popen[bytes] | None = None
+        self._started = -math.inf
 
     async def run(self) -> None:
         """For as long as the panel lives: connects, listens, and starts the process again when it
@@ -61,7 +64,9 @@ class MachineLine:
             try:
                 reader, self._writer = await asyncio.open_unix_connection(str(self.path))
             except OSError:
-                if self._process is None or self._process.poll() is not None:
+                dead = self._process is None or self._process.poll() is not None
+                if dead and time.monotonic() - self._started >= START_EVERY_S:
+                    self._started = time.monotonic()
                     self._start()
                 await asyncio.sleep(AGAIN_S / 5)
                 continue

@@ -117,7 +117,7 @@ def jog_asked(wish: Json) -> Json:
         return {"speed": 0.0, "steer_deg": 0.0}
     return {
         "speed": float((speed > 0) - (speed < 0)),
-        "steer_deg": max(-25.0, min(25.0, float(steer))),
+        "steer_deg": float(max(-25.0, min(25.0, steer))),
     }
 
 

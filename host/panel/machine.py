@@ -347,10 +347,16 @@ class Machine:
     # ---- STOP ------------------------------------------------------------------------------------
 
     def _begin_stop(self, wish: Json) -> None:
-        self._stop = {"id": wish.get("id"), "confirmed": False, "ms": None, "problem": ""}
-        self._stop_begun = self.clock()
-        self._stop_sent = -1e9
+        """A page repeats its STOP until it is confirmed: the same one goes on, its time runs."""
         self.wishes.clear()
+        name, waits = wish.get("id"), self._stop
+        again = waits is not None and not waits["confirmed"] and name and name == waits["id"]
+        self._stop_sent = -1e9
+        if again:
+            self._press_on()
+            return
+        self._stop = {"id": name, "confirmed": False, "ms": None, "problem": ""}
+        self._stop_begun = self.clock()
         self._press_on()
 
     def _press_on(self) -> None:

@@ -104,6 +104,7 @@ class Line:
         def pass_in(message: str | bytes) -> None:
             wish = json.loads(message)
             if wish["do"] in self.keeps:
+                wish.pop("seen", None)  # when it was asked: another each time
                 self.kept.append(wish)
             else:
                 panel_end.send(message)
