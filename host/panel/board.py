@@ -23,6 +23,8 @@ from host.panel.wire import Frames, WireError, packed
 START_EVERY_S: Final = 2.0
 """Seconds from one start of the machine's program to the next: one that ends at once is not started
 in a burst, nor does its log grow by one."""
+LAST_WORDS: Final = 300
+"""Bytes at the end of the log that may hold why the machine's program ended."""
 AGAIN_S: Final = 0.5
 """Between tries to reach it."""
 
@@ -51,6 +53,8 @@ class MachineLine:
         self.settings = settings
         self.path = socket_path(settings)
         self.connected = False
+        self.problem = ""
+        """Why the process does not run, as far as that is known."""
         self._on_message = on_message
         self._on_picture = on_picture
         self._writer: asyncio.StreamWriter | None = None
@@ -67,10 +71,15 @@ class MachineLine:
                 dead = self._process is None or self._process.poll() is not None
                 if dead and time.monotonic() - self._started >= START_EVERY_S:
                     self._started = time.monotonic()
-                    self._start()
+                    self._last_words()
+                    try:
+                        self._start()
+                    except (OSError, ValueError) as error:
+                        # A stick that was pulled may be back: it is tried on.
+                        self.problem = str(error)
                 await asyncio.sleep(AGAIN_S / 5)
                 continue
-            self.connected = True
+            self.connected, self.problem = True, ""
             with contextlib.suppress(OSError, WireError, asyncio.IncompleteReadError):
                 await self._listen(reader)
             self.connected = False
@@ -99,6 +108,15 @@ class MachineLine:
             return False
         self._writer.write(packed(wish))
         return True
+
+    def _last_words(self) -> None:
+        """Of a process that has ended by itself."""
+        if self._process is None:
+            return
+        with contextlib.suppress(OSError):
+            log = (self.settings.folder / "machine.log").read_bytes()[-LAST_WORDS:]
+            lines = log.decode(errors="replace").split("\n")
+            self.problem = next((line for line in reversed(lines) if line.strip()), "")
 
     def _start(self) -> None:
         settings = self.path.with_suffix(".json")

@@ -226,7 +226,7 @@ class Panel:
             if drove and not self.line.connected:
                 self._keep_task(asyncio.create_task(self._look_back(crashed=True)))
             for page in self.pages.values():
-                page.show({"kind": "alone"})
+                page.show({"kind": "alone", "why": self.line.problem})
 
     async def _show_codes(self) -> None:
         """A code pairs one phone, ends with wrong guesses and grows old: whoever holds the next

@@ -13,16 +13,18 @@ const TABS = ["check", "field", "harvest", "tune", "runs"];
 const SILENT_MS = 1500;  // without a word: what is shown is old
 const DEAD_MS = 3000;    // without a word: the connection leads nowhere, another is opened
 const HERE_MS = 500;
+const MOMENTS_MS = 10000; // within which a page that drove takes the free wheel again by itself
 const POST_MS = 3000;    // for a STOP that goes round the socket to be answered
 const TAP_MS = 700;      // between a finger's coming down and the click that follows
 const ASKED_UNASKED = ["hello", "look", "here", "take", "runs", "colour_begin", "let_go"];  // by no finger, or beside what a finger asks
 
-export const world = { now: null, plan: null, trail: [], ended: null, goal: null, stuck: false, check: null, field: null, alone: false, paired: true };
+export const world = { now: null, plan: null, trail: [], ended: null, goal: null, stuck: false, check: null, field: null, alone: null, paired: true };
 let socket = null;
 let heardAt = 0;         // the panel's last word, of whatever
 let nowAt = 0;           // how things stand was told last
 let awakeAt = 0;         // this page's own last tick, or when it woke up
 let tickAt = 0;
+let droveAt = -Infinity; // this page was told last that it drives
 let again = 0;
 let tab = "check";
 let stop = null;         // the STOP that waits: {id, at, tries}
@@ -110,7 +112,7 @@ function connect() {
     retry = 300;
     heardAt = performance.now();
     // The panel tells what there is of these. What another panel told before is over.
-    Object.assign(world, { now: null, plan: null, trail: [], ended: null, goal: null, stuck: false, check: null, alone: false, paired: true });
+    Object.assign(world, { now: null, plan: null, trail: [], ended: null, goal: null, stuck: false, check: null, alone: null, paired: true });
     check.hear({ lines: [], question: null, done: false, green: false });
     look();
     ask({ do: "hello" });
@@ -145,8 +147,8 @@ async function checkPairing() {
 
 function hear(message) {
   switch (message.kind) {
-    case "now": nowAt = performance.now(); world.now = message; world.alone = false; hearStop(message); hearSounds(message); break;
-    case "alone": world.now = null; world.alone = true; break;
+    case "now": nowAt = performance.now(); world.now = message; world.alone = null; hearStop(message); hearSounds(message); break;
+    case "alone": world.now = null; world.alone = message; break;
     case "plan": world.plan = message.boundary.length ? message : null; if (!message.anew) world.trail = []; break;
     case "trail": world.trail = message.all ? message.places : world.trail.concat(message.places); break;
     case "ended": world.ended = message; break;
@@ -216,7 +218,10 @@ setInterval(() => {
   if (at - tickAt > DEAD_MS) awakeAt = at;
   tickAt = at;
   if (socket && at - Math.max(heardAt, awakeAt) > DEAD_MS) lose();
+  if (live() && world.now.driver) droveAt = nowAt;
   if (live() && world.now.driver && !document.hidden) ask({ do: "here" });
+  // A link that was lost for moments changes nobody's place; what stands goes on standing.
+  if (live() && !world.now.driven && !document.hidden && at - droveAt < MOMENTS_MS) ask({ do: "take" });
   stayAwake();
 }, HERE_MS);
 setInterval(show, 1000);
@@ -241,7 +246,7 @@ export function open(name) {
 function state(now) {
   if (!world.paired) return ["wait", t("state.unpaired"), ""];
   if (!linked()) return ["bad", t("state.no_laptop"), t("state.no_laptop.why")];
-  if (!now) return world.alone ? ["bad", t("state.no_machine"), t("state.no_machine.why")] : ["wait", "…", ""];
+  if (!now) return world.alone ? ["bad", t("state.no_machine"), world.alone.why ? said(world.alone.why) : t("state.no_machine.why")] : ["wait", "…", ""];
   const board = now.board;
   const faults = board ? board.faults : [];
   if (now.link.problem) return ["bad", t("state.no_board"), now.link.problem === "silent" ? t("link.silent") : said(now.link.problem)];
@@ -249,7 +254,7 @@ function state(now) {
   if (now.mode === "countdown") return ["wait", t("state.countdown"), ""];
   if (faults.length) return ["bad", t("state.fault"), faults.map((name) => t(`fault.${name}`)).join("; ")];
   if (now.mode === "drive") {
-    if (now.paused) return ["wait", t("state.paused"), t(`paused.${now.paused_why || "asked"}`)];
+    if (now.paused) return ["wait", t("state.paused"), [t(`paused.${now.paused_why || "asked"}`), ...(now.driver ? [] : [t(now.driven ? "why.other_drives" : "why.not_driver")])].join(" ")];
     const pilot = now.pilot;
     const kind = { follow: "go", turn: "go", align: "go", finished: "go", fault: "bad" }[pilot.phase] ?? "wait";
     return [kind, t(`phase.${pilot.phase}`), reason(pilot)];
@@ -397,6 +402,9 @@ const HOLD_MS = 2050;
 const HOLD_TICK_MS = 50;
 const FINGER_GOES = ["pointerup", "pointerleave", "pointercancel", "blur"];
 
+// A button that is disabled under a finger does not hear the finger go, nor does a page that is hidden.
+const letGoUnheard = (button) => button.disabled || document.hidden;
+
 function hold(id, order) {
   const button = $(id);
   let timer = 0, since = 0;
@@ -408,8 +416,7 @@ function hold(id, order) {
     button.classList.add("down");
     since = performance.now();
     timer = setInterval(() => {
-      // A button that is disabled under a finger does not hear the finger go.
-      if (button.disabled) return release();
+      if (letGoUnheard(button)) return release();
       if (performance.now() - since < HOLD_MS) return;
       clearInterval(timer);
       timer = 0;
@@ -439,7 +446,7 @@ hold("resume", true);
 for (const key of document.querySelectorAll("#jog-keys button")) {
   const [speed, steer] = key.dataset.jog.split(",").map(Number);
   let timer = 0;
-  const begin = (event) => { event.preventDefault(); if (timer || key.disabled) return; ask({ do: "jog", speed, steer_deg: steer }); timer = setInterval(() => (key.disabled ? end() : ask({ do: "jog", speed, steer_deg: steer })), 150); };
+  const begin = (event) => { event.preventDefault(); if (timer || key.disabled) return; ask({ do: "jog", speed, steer_deg: steer }); timer = setInterval(() => (letGoUnheard(key) ? end() : ask({ do: "jog", speed, steer_deg: steer })), 150); };
   const end = () => { if (!timer) return; clearInterval(timer); timer = 0; ask({ do: "jog", speed: 0, steer_deg: steer }); };
   key.addEventListener("pointerdown", begin);
   window.addEventListener("stopped", () => { clearInterval(timer); timer = 0; });

@@ -404,6 +404,24 @@ def test_while_the_machines_process_is_gone_nothing_old_is_told(
             page.close()
 
 
+def test_why_the_machines_process_does_not_run_is_told_and_tried_on(tmp_path: Path) -> None:
+    """A folder that is on no disk just now; a vehicle file that was spoiled."""
+    folder = tmp_path / "stick"
+    vehicle = tmp_path / "machine.yaml"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+        vehicle.write_text("{}")
+        with served("/dev/null-port", folder, vehicle=vehicle) as found:
+            vehicle.write_text("wheelbase_m: none")
+            page = found.page()
+            page.until(lambda m: m["kind"] == "alone" and "stick/machine.log" in m["why"])
+            folder.mkdir()
+            page.until(lambda m: m["kind"] == "alone" and "wheelbase_m" in m["why"], 60)
+            vehicle.write_text("{}")
+            page.until(now(), 60)
+            page.close()
+
+
 RUN = {
     **{"outcome": "stopped", "reason": "", "faults": [], "record": "x.mcap", "turns": 1},
     **{"pictures": 9, "slow_steps": 0, "late_steps": 0, "seconds": 5.0},
