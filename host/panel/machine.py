@@ -273,6 +273,16 @@ class Machine:
         """For how long the driving page has not been heard of."""
         return self.clock() - self.heard
 
+    @property
+    def deserted(self) -> bool:
+        """Whether nobody is at the driving page, where somebody has to be."""
+        return self.settings.presence and self.driver_away_s > PRESENCE_S
+
+    def need_driver(self) -> None:
+        """UserError where what moves could be stopped by nobody at the driving page."""
+        if self.deserted:
+            raise UserError("the page that drives is gone: ended")
+
     def post(self, message: Json) -> None:
         """Tells the panel something that must not be lost while it is there."""
         if self._peer is not None:

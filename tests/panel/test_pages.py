@@ -296,6 +296,31 @@ def test_the_words_of_a_stop_go_when_something_begins(browser: Browser, panel: S
     page.context.close()
 
 
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_why_it_did_not_start_is_seen_beside_the_button_that_was_held(
+    browser: Browser, panel: Served, language: str
+) -> None:
+    """On a phone that button is a screen below the page's head."""
+    line = Line()
+    line.more = {"driver": True, "driven": True}
+    page = opened(browser, panel, "phone", language, line)
+    page.click("#tabs button[data-tab=harvest]")
+    page.evaluate("scrollTo(0, document.body.scrollHeight)")
+    line.say({"kind": "failed", "what": "prepare", "why": "the board does not answer"})
+    notice = page.locator("#notice")
+    expect(notice).to_contain_text(text(language, "said.the board does not answer"))
+    box, head, foot = (page.locator(one).bounding_box() for one in ("#notice", "header", "footer"))
+    assert box is not None
+    assert head is not None
+    assert foot is not None
+    assert page.evaluate("scrollY") > 300
+    assert head["y"] + head["height"] <= box["y"]
+    assert box["y"] + box["height"] <= foot["y"]
+    if PICTURES:
+        page.screenshot(path=Path(PICTURES) / f"notice-{language}.png")
+    page.context.close()
+
+
 HIDDEN = """
 () => {
   const one = document.activeElement, box = one.getBoundingClientRect();
@@ -1199,6 +1224,30 @@ def test_what_is_not_known_now_is_not_shown_as_it_was(browser: Browser, panel: S
     page.context.close()
 
 
+def test_a_link_that_is_lost_while_it_drives_is_heard_once(browser: Browser, panel: Served) -> None:
+    line = Line()
+    page = opened(browser, panel, "phone", "en", line)
+    page.click("#tabs button[data-tab=harvest]")  # a touch, without which browsers allow no sound
+    page.evaluate("window.tones = []; addEventListener('tone', (e) => tones.push(e.detail))")
+    line.more = {"mode": "idle"}
+    page.wait_for_timeout(700)
+    line.hung = line.opened  # while it stands, nobody has to look up
+    expect(page.locator("#state-word")).to_have_text(text("en", "state.no_laptop"))
+    expect(page.locator("#state-word")).to_have_text(text("en", "state.idle"), timeout=15_000)
+    assert page.evaluate("tones.length") == 0
+    line.more = dict(DRIVING)
+    expect(page.locator("#facts")).to_contain_text("42 %")
+    page.wait_for_timeout(700)
+    line.hung = FOR_GOOD
+    expect(page.locator("#state-word")).to_have_text(text("en", "state.no_laptop"))
+    page.wait_for_timeout(700)
+    heard = page.evaluate("tones.length")
+    assert heard >= 8
+    page.wait_for_timeout(2500)
+    assert page.evaluate("tones.length") == heard
+    page.context.close()
+
+
 def test_a_board_that_is_silent_has_no_battery(browser: Browser, panel: Served) -> None:
     line = Line()
     page = opened(browser, panel, "phone", "en", line)
@@ -1341,17 +1390,27 @@ def test_texts_that_do_not_come_at_first_are_asked_for_again(
     page = browser.new_context(locale="en-GB").new_page()
     tries: list[str] = []
 
-    def fail_once(route: Route) -> None:
+    lost = True
+
+    def answer(route: Route) -> None:
         tries.append(route.request.url)
-        if len(tries) == 1:
+        if lost:
             route.abort()
         else:
             route.continue_()
 
-    page.route("**/texts/en.json", fail_once)
+    page.route("**/texts/en.json", answer)
     page.goto(f"http://{panel.host}/")
+    for _ in range(400):
+        if len(tries) >= 3:
+            break
+        page.wait_for_timeout(50)
+    assert len(tries) >= 3
+    said = page.locator("#state").inner_text()
+    assert "load the page again" in said, "and no names of texts"
+    lost = False
     expect(page.locator("#tabs button")).to_have_count(len(TABS))
-    assert len(tries) == 2
+    expect(page.locator("#state-why")).to_be_empty()
     page.context.close()
 
 

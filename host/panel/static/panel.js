@@ -12,6 +12,7 @@ const $ = (id) => document.getElementById(id);
 const TABS = ["check", "field", "harvest", "tune", "runs"];
 const SILENT_MS = 1500;  // without a word: what is shown is old
 const DEAD_MS = 3000;    // without a word: the connection leads nowhere, another is opened
+const OPENS_MS = 8000;   // for a connection to come about over a slow link
 const HERE_MS = 500;
 const MOMENTS_MS = 10000; // within which a page that drove takes the free wheel again by itself
 const POST_MS = 3000;    // for a STOP that goes round the socket to be answered
@@ -25,6 +26,7 @@ let nowAt = 0;           // how things stand was told last
 let awakeAt = 0;         // this page's own last tick, or when it woke up
 let tickAt = 0;
 let droveAt = -Infinity; // this page was told last that it drives
+let goesOn = false;      // something did, when that was known last
 let again = 0;
 let tab = "check";
 let stop = null;         // the STOP that waits: {id, at, tries}
@@ -217,7 +219,10 @@ setInterval(() => {
   // After a sleep the socket's words are still to come.
   if (at - tickAt > DEAD_MS) awakeAt = at;
   tickAt = at;
-  if (socket && at - Math.max(heardAt, awakeAt) > DEAD_MS) lose();
+  if (socket && at - Math.max(heardAt, awakeAt) > (socket.readyState === WebSocket.OPEN ? DEAD_MS : OPENS_MS)) lose();
+  // In a pocket nobody sees that the link is lost.
+  if (live()) goesOn = world.now.mode !== "idle";
+  else if (goesOn) { goesOn = false; sound.fault(); }
   if (live() && world.now.driver) droveAt = nowAt;
   if (live() && world.now.driver && !document.hidden) ask({ do: "here" });
   // A link that was lost for moments changes nobody's place; what stands goes on standing.
@@ -273,6 +278,7 @@ function signal(id, bad, text) {
 }
 
 function show() {
+  if (!has("title")) return;  // without texts there is nothing to say
   const now = live() ? world.now : null;
   const [kind, word, why] = state(now);
   $("state").dataset.kind = kind;
