@@ -14,6 +14,7 @@ import asyncio
 import contextlib
 import datetime
 import json
+import math
 import time
 from collections.abc import AsyncIterator, Callable
 from importlib import resources
@@ -178,7 +179,9 @@ class Panel:
         self.line = MachineLine(settings, self._heard, self._pictured)
         self.now: Json = {}
         self._said_now = time.monotonic()
-        """When the machine's process last said how things stand."""
+        """When the machine's process last said how things stand,"""
+        self._drove = False
+        """and whether it drove then."""
         self.plan: Json | None = None
         self.trail: list[Any] = []
         self.ended: Json | None = None
@@ -221,12 +224,17 @@ class Panel:
             await asyncio.sleep(SILENT_S / 3)
             if time.monotonic() - self._said_now < SILENT_S:
                 continue
-            drove = self.now.get("mode") == "drive"
             self.now = {}
-            if drove and not self.line.connected:
-                self._keep_task(asyncio.create_task(self._look_back(crashed=True)))
+            if not self.line.connected:
+                self._note_crash()
             for page in self.pages.values():
                 page.show({"kind": "alone", "why": self.line.problem})
+
+    def _note_crash(self) -> None:
+        """The machine's process has ended: a run that went on in it can be gone on with."""
+        if self._drove:
+            self._drove = False
+            self._keep_task(asyncio.create_task(self._look_back(crashed=True)))
 
     async def _show_codes(self) -> None:
         """A code pairs one phone, ends with wrong guesses and grows old: whoever holds the next
@@ -249,6 +257,9 @@ class Panel:
     def _heard(self, message: Json) -> None:
         kind = message.get("kind")
         if kind == "now":
+            if message["t"] < self.now.get("t", -math.inf):  # another process began its clock anew
+                self._note_crash()
+            self._drove = message["mode"] == "drive"
             self.now, self._said_now = message, time.monotonic()
             self._hear_fix(message)
             for page in self.pages.values():

@@ -17,10 +17,14 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from host.core.vehicle import Vehicle
 from host.link import protocol
+from host.panel import server
 from host.panel.body import BODY_BYTES
-from host.panel.guard import CODE_S, GUESSES, WAIT_S
-from host.panel.server import HOLD_S, IN_SIGHT, LATE_S, PAGES, TOLD_ONCE, Page, runs
+from host.panel.fields import FieldDesk
+from host.panel.guard import CODE_S, GUESSES, WAIT_S, Pairing
+from host.panel.machine import Settings
+from host.panel.server import HOLD_S, IN_SIGHT, LATE_S, PAGES, TOLD_ONCE, Page, Panel, runs
 from host.panel.strict_http import AN_ADDRESS, HEAD_S
 from tests.helpers.fake_firmware import RESTING, FakeFirmware
 from tests.helpers.served_panel import Served, now, served
@@ -420,6 +424,45 @@ def test_why_the_machines_process_does_not_run_is_told_and_tried_on(tmp_path: Pa
             vehicle.write_text("{}")
             page.until(now(), 60)
             page.close()
+
+
+@pytest.mark.parametrize("seen", ["silence", "a new process", "a hang before it"])
+def test_a_run_whose_process_died_can_be_gone_on_with(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seen: str
+) -> None:
+    """As after a crash of the laptop; a process that only hangs may go on itself."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr(server, "SILENT_S", 0.01)
+    settings = Settings(port="/dev/none", folder=tmp_path)
+    left = tmp_path / "drive-1.progress.json"
+
+    async def crash() -> list[object]:
+        desk = FieldDesk(tmp_path, Vehicle(), None, None)
+        monkeypatch.setattr(desk, "unfinished", lambda: left)
+        monkeypatch.setattr(desk, "goal", lambda _: None)
+        panel = Panel(settings, Pairing(time.monotonic, needed=False), desk)
+        told: list[object] = [{"kind": "ended", "resume": "an older one"}]
+        panel.ended = {"kind": "ended", "resume": "an older one"}
+        state = {"kind": "now", "t": 90.0, "mode": "drive", "gnss": {"fix": None}}
+        panel.line.connected = seen != "silence"
+        panel._heard(state)
+        if seen == "a new process":
+            panel._heard(state | {"t": 0.1, "mode": "idle"})
+        watch = asyncio.create_task(panel._watch_machine())
+        if seen == "a hang before it":
+            while panel.now:
+                await asyncio.sleep(0)
+            told.append(panel.ended)
+            panel.line.connected = False
+        async with asyncio.timeout(20):
+            while panel.ended == told[0]:
+                await asyncio.sleep(0)
+        watch.cancel()
+        return [*told, panel.ended]
+
+    told = asyncio.run(crash())
+    assert told[:-1] == [told[0]] * (len(told) - 1), "while it hangs, nothing has ended"
+    assert told[-1] == {"kind": "ended", "outcome": "stopped", "resume": str(left)}
 
 
 RUN = {
