@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import math
 import os
 import subprocess
 import sys
@@ -19,8 +20,11 @@ from host.panel.machine import Settings
 from host.panel.snapshot import Json
 from host.panel.wire import Frames, WireError, packed
 
-START_S: Final = 20.0
-"""For a program of the board's to start and answer."""
+START_EVERY_S: Final = 2.0
+"""Seconds from one start of the machine's program to the next: one that ends at once is not started
+in a burst, nor does its log grow by one."""
+LAST_WORDS: Final = 300
+"""Bytes at the end of the log that may hold why the machine's program ended."""
 AGAIN_S: Final = 0.5
 """Between tries to reach it."""
 
@@ -49,10 +53,13 @@ class MachineLine:
         self.settings = settings
         self.path = socket_path(settings)
         self.connected = False
+        self.problem = ""
+        """Why the process does not run, as far as that is known."""
         self._on_message = on_message
         self._on_picture = on_picture
         self._writer: asyncio.StreamWriter | None = None
         self._process: subprocess.Popen[bytes] | None = None
+        self._started = -math.inf
 
     async def run(self) -> None:
         """For as long as the panel lives: connects, listens, and starts the process again when it
@@ -61,11 +68,18 @@ class MachineLine:
             try:
                 reader, self._writer = await asyncio.open_unix_connection(str(self.path))
             except OSError:
-                if self._process is None or self._process.poll() is not None:
-                    self._start()
+                dead = self._process is None or self._process.poll() is not None
+                if dead and time.monotonic() - self._started >= START_EVERY_S:
+                    self._started = time.monotonic()
+                    self._last_words()
+                    try:
+                        self._start()
+                    except (OSError, ValueError) as error:
+                        # A stick that was pulled may be back: it is tried on.
+                        self.problem = str(error)
                 await asyncio.sleep(AGAIN_S / 5)
                 continue
-            self.connected = True
+            self.connected, self.problem = True, ""
             with contextlib.suppress(OSError, WireError, asyncio.IncompleteReadError):
                 await self._listen(reader)
             self.connected = False
@@ -94,6 +108,15 @@ class MachineLine:
             return False
         self._writer.write(packed(wish))
         return True
+
+    def _last_words(self) -> None:
+        """Of a process that has ended by itself."""
+        if self._process is None:
+            return
+        with contextlib.suppress(OSError):
+            log = (self.settings.folder / "machine.log").read_bytes()[-LAST_WORDS:]
+            lines = log.decode(errors="replace").split("\n")
+            self.problem = next((line for line in reversed(lines) if line.strip()), "")
 
     def _start(self) -> None:
         settings = self.path.with_suffix(".json")

@@ -11,7 +11,7 @@ from host.check.laptop import Laptop
 from host.check.lines import Line, Question, Target, green
 from host.check.walk import walk
 from host.core.errors import UserError
-from host.core.messages import Command, Telemetry
+from host.core.messages import Command, Request, Telemetry
 from host.core.strict import Strict
 from host.core.vehicle import Mount, Vehicle
 from host.link import protocol
@@ -45,13 +45,17 @@ class MachineHands(Laptop):
         self.question: Json | None = None
         self._machine = machine
         self._asked = 0
+        self._moves = False
 
     def clock(self) -> float:
         """Seconds."""
         return self._machine.clock()
 
     def pump(self, seconds: float) -> list[Telemetry]:
-        """Lets time pass; STOP ends the check."""
+        """Lets time pass. STOP ends the check, and so does, while anything moves, a page that is
+        gone; who goes to press a button on the machine may put the phone away."""
+        if self._moves:
+            self._machine.need_driver()
         return self._machine.pump(seconds)
 
     @property
@@ -72,6 +76,8 @@ class MachineHands(Laptop):
 
     def send(self, command: Command) -> None:
         """To the board."""
+        asked = (command.speed_mps, command.steer_rad, command.blade)
+        self._moves = command.request is Request.DRIVE and any(asked)
         self._machine.send(command)
 
     def ask_board(self, message: protocol.Message) -> Answer:

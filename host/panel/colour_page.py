@@ -11,7 +11,6 @@ from __future__ import annotations
 import asyncio
 import base64
 import datetime
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import resources
@@ -27,6 +26,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp
 
 from host.core.errors import UserError
+from host.panel.body import BodyError, json_body
 from host.panel.gate import Guard
 from host.vision.figure import staged
 from host.vision.mounted.detector import MountedDetector
@@ -37,10 +37,6 @@ from host.vision.tuning.search import Contrast, tune
 
 Json = dict[str, Any]
 
-LONGEST_BODY = 10_000
-"""Bytes of a request: parameters need a few hundred."""
-BODY_S: Final = 5.0
-"""For a request's body to come."""
 COLOUR_POLICY: Final = (
     b"default-src 'self'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
     b"img-src 'self' data:; frame-ancestors 'none'"
@@ -144,17 +140,11 @@ def colour_application(tuner: Tuner) -> ASGIApp:
 
     async def change(request: Request) -> Response:
         work = {"/best": tuner.best, "/save": tuner.save}[request.url.path]
-        length = _number(request.headers.get("content-length", "0"))
-        if not 0 < length <= LONGEST_BODY:
-            return _fail(413, f"a request holds 1 to {LONGEST_BODY} bytes of parameters")
-        if request.headers.get("content-type", "").split(";")[0] != "application/json":
-            return _fail(415, "parameters come as application/json")
         try:
-            async with asyncio.timeout(BODY_S):
-                body = await request.body()
-        except TimeoutError:
-            return _fail(408, "too slow")
-        return await answer(lambda: work(_params(_parsed(body))))
+            body = await json_body(request)
+        except BodyError as error:
+            return _fail(error.status, str(error))
+        return await answer(lambda: work(_params(body)))
 
     async def unknown(request: Request) -> Response:
         return _fail(404, f"{request.url.path} is not served here")
@@ -178,16 +168,6 @@ def _fail(status: int, why: str) -> Response:
 
 def _number(text: str) -> int:
     return int(text) if text.isascii() and text.isdigit() else -1
-
-
-def _parsed(body: bytes) -> Json:
-    try:
-        found = json.loads(body)
-    except ValueError:
-        found = None
-    if not isinstance(found, dict):
-        raise UserError("parameters are one JSON object")
-    return found
 
 
 def _params(values: Json) -> PaperParams:

@@ -13,7 +13,7 @@ from host.core.errors import UserError
 from host.core.messages import Command, Request, State
 from host.panel.checking import check
 from host.panel.harvesting import Order, harvest, prepare
-from host.panel.machine import PRESENCE_S, Machine
+from host.panel.machine import Machine
 from host.panel.snapshot import Json, number
 from host.panel.tuning import tune
 
@@ -52,7 +52,7 @@ def start(machine: Machine, wish: Json) -> None:
         machine.mode, machine.more = "countdown", more
         while machine.clock() < until:
             machine.pump(STEP_S)
-            if machine.settings.presence and machine.driver_away_s > PRESENCE_S:
+            if machine.deserted:
                 raise UserError("the page that started it is gone: not started")
         harvest(machine, order, errand)
 
@@ -117,7 +117,7 @@ def jog_asked(wish: Json) -> Json:
         return {"speed": 0.0, "steer_deg": 0.0}
     return {
         "speed": float((speed > 0) - (speed < 0)),
-        "steer_deg": max(-25.0, min(25.0, float(steer))),
+        "steer_deg": float(max(-25.0, min(25.0, steer))),
     }
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import datetime
+import hashlib
 import json
 import math
 from dataclasses import dataclass, field, replace
@@ -123,8 +124,9 @@ class FieldDesk:
         inset_m: float = 0.0,
         chosen: str = "",
     ) -> None:
-        """`given`: a boundary file from elsewhere, copied into the folder; `chosen`: which of its
-        fields. `inset_m`: how far inside a boundary the crop begins."""
+        """`given`: a boundary file from elsewhere, copied into the folder once: what the page has
+        changed of the copy since, such as a keep-out, stays until another is given. `chosen`: which
+        of its fields. `inset_m`: how far inside a boundary the crop begins."""
         self._folder = folder
         self._vehicle = vehicle
         self.name: str | None = None
@@ -141,31 +143,51 @@ class FieldDesk:
         self.asked: int | None = None
         """and the corner that was chosen, where the machine cannot begin there."""
         self._summary: Json | None = None
+        self._given: dict[str, str] = {}
+        """Which boundary each copy was made of, by its digest."""
         self._remember()
         if given is not None:
-            boundary = load_field(given, chosen)
-            self.name = f"{given.stem}.geojson"
-            save_field(folder / self.name, boundary)
+            self._copy(given, chosen)
         if gap_m is not None:
             self.gap_m = gap_m
-        if self.name is not None:
-            self.open(self.name)
+        self._begin(given)
+
+    def _begin(self, given: Path | None) -> None:
+        """With the field that was given, or else chosen last."""
+        try:
+            if self.name is not None:
+                self.open(self.name)
+        except UserError as error:
+            if given is not None:
+                raise
+            # A spoiled file ends no day: the page chooses another field, or is walked with.
+            self.name, self.problem = None, str(error)
         if given is not None and self.unplanned:
             raise UserError(self.unplanned)
+
+    def _copy(self, given: Path, chosen: str) -> None:
+        boundary = load_field(given, chosen)
+        self.name = f"{given.stem}.geojson"
+        digest = hashlib.sha256(repr(boundary).encode()).hexdigest()
+        if self._given.get(self.name) != digest or self.name not in self.files():
+            save_field(self._folder / self.name, boundary)
+            self._given[self.name] = digest
 
     # ---- what was chosen last --------------------------------------------------------------------
 
     def _remember(self) -> None:
-        with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+        with contextlib.suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
             kept = json.loads((self._folder / "panel.json").read_text(encoding="utf-8"))
             gap, corner = kept["gap_m"], kept["corner"]
             if (gap is None or 0 <= gap <= MAX_GAP_M) and corner >= 0:
                 self.gap_m, self.corner = gap, int(corner)
             if kept["name"] in self.files():
                 self.name = kept["name"]
+            self._given = {str(name): str(digest) for name, digest in kept["given"].items()}
 
     def _keep(self) -> None:
-        kept = {"name": self.name, "gap_m": self.gap_m, "corner": self.corner}
+        chosen = {"name": self.name, "gap_m": self.gap_m, "corner": self.corner}
+        kept = {**chosen, "given": self._given}
         with contextlib.suppress(OSError):
             (self._folder / "panel.json").write_text(json.dumps(kept), encoding="utf-8")
 
@@ -187,7 +209,7 @@ class FieldDesk:
             self._do(wish)
         except UserError as error:
             self.problem = str(error)
-        except (ValueError, TypeError, KeyError, IndexError):
+        except (ValueError, TypeError, KeyError, IndexError, OverflowError):
             self.problem = "that is no such change"
 
     def _do(self, wish: Json) -> None:
@@ -201,8 +223,7 @@ class FieldDesk:
                 self.gap_m = gap
                 self._plan()
             case "corner":
-                self.corner = int(wish["corner"])
-                self._plan()
+                self._begin_at(int(wish["corner"]))
             case "move_corner":
                 self._move(int(wish["index"]), float(wish["x"]), float(wish["y"]))
             case "add_corner":
@@ -229,8 +250,17 @@ class FieldDesk:
         """Another field. UserError where there is none of that name."""
         if name not in self.files():
             raise UserError(f"there is no field {name}")
+        # Where it cannot be read, the field that was chosen before stays: name and corners are one.
+        try:
+            self.boundary = load_field(self._folder / name)
+        except UserError as error:
+            raise UserError(f"the field {name} cannot be read: {error}") from error
         self.name = name
-        self.boundary = load_field(self._folder / name)
+        self._plan()
+
+    def _begin_at(self, corner: int) -> None:
+        self._corners(corner)
+        self.corner = corner
         self._plan()
 
     def _polygon(self) -> shapely.Polygon:

@@ -12,7 +12,8 @@ from host.panel.guard import own_host, own_origin
 POLICY: Final = b"default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'"
 HEADERS: Final = (
     (b"x-content-type-options", b"nosniff"),
-    (b"referrer-policy", b"no-referrer"),
+    # With "no-referrer" a form of our own page would come from the origin "null".
+    (b"referrer-policy", b"same-origin"),
     (b"cache-control", b"no-store"),
     (b"connection", b"close"),
 )

@@ -124,9 +124,14 @@ class Seat:
     holder: str | None = None
     heard: float = field(default=0.0)
 
+    @property
+    def taken(self) -> bool:
+        """Whether a page sits there and is awake."""
+        return self.holder is not None and self.clock() - self.heard < AWAY_S
+
     def take(self, page: str) -> bool:
         """False where another page sits there and is awake."""
-        if self.holder not in (None, page) and self.clock() - self.heard < AWAY_S:
+        if self.holder != page and self.taken:
             return False
         self.holder, self.heard = page, self.clock()
         return True

@@ -22,7 +22,6 @@ from host.link import protocol
 from host.panel import snapshot
 from host.panel.machine import (
     PANEL_LOST_S,
-    PRESENCE_S,
     Machine,
     NotYetError,
     StoppedError,
@@ -116,7 +115,7 @@ class Operator:
     def wants_pause(self) -> bool:
         """Asked before every step of the loop."""
         machine = self.machine
-        if machine.settings.presence and machine.driver_away_s > PRESENCE_S and not self.paused:
+        if machine.deserted and not self.paused:
             self.paused, self.why = True, "away"
         if machine.panel_away_s > PANEL_LOST_S:
             raise UserError("no panel for two minutes: the run has ended, its progress is saved")
@@ -124,9 +123,7 @@ class Operator:
             match machine.wishes.popleft().get("do"):
                 case "pause":
                     self.paused, self.why = True, "asked"
-                case "go_on" if not machine.settings.presence or (
-                    machine.driver_away_s <= PRESENCE_S
-                ):
+                case "go_on" if not machine.deserted:
                     self.paused, self.why = False, ""
                 case _:
                     pass

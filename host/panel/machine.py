@@ -273,6 +273,16 @@ class Machine:
         """For how long the driving page has not been heard of."""
         return self.clock() - self.heard
 
+    @property
+    def deserted(self) -> bool:
+        """Whether nobody is at the driving page, where somebody has to be."""
+        return self.settings.presence and self.driver_away_s > PRESENCE_S
+
+    def need_driver(self) -> None:
+        """UserError where what moves could be stopped by nobody at the driving page."""
+        if self.deserted:
+            raise UserError("the page that drives is gone: ended")
+
     def post(self, message: Json) -> None:
         """Tells the panel something that must not be lost while it is there."""
         if self._peer is not None:
@@ -347,10 +357,16 @@ class Machine:
     # ---- STOP ------------------------------------------------------------------------------------
 
     def _begin_stop(self, wish: Json) -> None:
-        self._stop = {"id": wish.get("id"), "confirmed": False, "ms": None, "problem": ""}
-        self._stop_begun = self.clock()
-        self._stop_sent = -1e9
+        """A page repeats its STOP until it is confirmed: the same one goes on, its time runs."""
         self.wishes.clear()
+        name, waits = wish.get("id"), self._stop
+        again = waits is not None and not waits["confirmed"] and name and name == waits["id"]
+        self._stop_sent = -1e9
+        if again:
+            self._press_on()
+            return
+        self._stop = {"id": name, "confirmed": False, "ms": None, "problem": ""}
+        self._stop_begun = self.clock()
         self._press_on()
 
     def _press_on(self) -> None:

@@ -4,7 +4,7 @@ The server knows nothing of driving: it passes the pages' wishes to the machine'
 process's snapshots to the pages. A page that does not keep up misses snapshots, never delays one.
 
     GET  /                the page              GET /static/NAME   its parts
-    POST /pair            {"code": ...}         POST /stop         the way round a broken socket
+    POST /pair            {"code": ...}         POST /stop?id=...  the way round a broken socket
     WS   /live            snapshots and pictures out, wishes in
 """
 
@@ -12,13 +12,16 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import datetime
 import json
+import math
 import time
 from collections.abc import AsyncIterator, Callable
 from importlib import resources
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
+from pydantic import BaseModel
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
@@ -29,6 +32,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from host.core.messages import Fix
 from host.core.vehicle_file import load_vehicle, mount_of
 from host.panel.board import MachineLine
+from host.panel.body import BodyError, json_body
 from host.panel.colours import ColourDesk
 from host.panel.fields import FieldDesk
 from host.panel.gate import Guard
@@ -45,10 +49,6 @@ TYPES: Final = {
 }
 COOKIE: Final = "daranti"
 PAGES: Final = 12
-BODY_BYTES: Final = 10_000
-"""Of a wish's body."""
-BODY_S: Final = 5.0
-"""For a request's body to come."""
 WISHES_A_SECOND: Final = 40
 """Of one page; more are refused."""
 HOLD_S: Final = 2.0
@@ -57,6 +57,21 @@ HOLD_SLACK_S: Final = 0.3
 """The page counts its own two seconds; the network may bring their ends a little closer."""
 CHECK_HOLDS_S: Final = 12 * 3600.0
 """How long a check that was green holds: a working day."""
+LATE_S: Final = 2.0
+"""Seconds between a state and what a page asks on the sight of it. What comes later was asked of
+another situation: a flaky Wi-Fi keeps a tap and hands it over when nobody expects it any more."""
+IN_SIGHT: Final = frozenset(
+    {"here", "hold", "start", "go_on", "clear", "jog", "check", "answer", "pid"}
+)
+"""Wishes by which something moves or goes on moving: only of a page that sees how things stand."""
+SILENT_S: Final = 1.5
+"""Seconds without a word of the machine's process, after which the pages are told so."""
+STOP_ID: Final = 40
+"""Letters of the name that a page gives to its STOP: all pages are told it five times a second."""
+TOLD_ONCE: Final = 50
+"""Letters that wait for a page that does not keep up; the oldest are lost."""
+STATES: Final = frozenset({"plan", "ended", "check", "goal", "field"})
+"""Kinds of which only the newest message counts."""
 FIELD_WISHES: Final = frozenset(
     {"open", "gap", "corner", "move_corner", "keep_out", "keep_out_drop"}
     | {"add_corner", "drop_corner"}
@@ -87,9 +102,24 @@ class Page:
         self._counted = time.monotonic()
 
     def tell(self, message: Json) -> None:
-        """Something that is not repeated."""
-        self._letters.append(message)
-        del self._letters[:-50]
+        """Something that is not repeated. A page that sleeps for long finds nothing missing: of a
+        state it gets the newest, of the trail all."""
+        kind, letters = message.get("kind"), self._letters
+        if kind in STATES:
+            letters = [one for one in letters if one.get("kind") != kind]
+        if kind == "plan" and not message["anew"]:
+            letters = [one for one in letters if one.get("kind") != "trail"]
+        if kind == "trail":
+            waiting = [one for one in letters if one.get("kind") == "trail"]
+            letters = [one for one in letters if one.get("kind") != "trail"]
+            if waiting and not message["all"]:
+                places = waiting[0]["places"] + message["places"]
+                message = waiting[0] | {"places": places}
+        letters.append(message)
+        once = [one for one in letters if one.get("kind") not in STATES | {"trail"}]
+        for lost in once[:-TOLD_ONCE]:
+            letters.remove(lost)
+        self._letters = letters
         self._wake.set()
 
     def show(self, message: Json) -> None:
@@ -148,6 +178,10 @@ class Panel:
         self.pages: dict[str, Page] = {}
         self.line = MachineLine(settings, self._heard, self._pictured)
         self.now: Json = {}
+        self._said_now = time.monotonic()
+        """When the machine's process last said how things stand,"""
+        self._drove = False
+        """and whether it drove then."""
         self.plan: Json | None = None
         self.trail: list[Any] = []
         self.ended: Json | None = None
@@ -170,15 +204,37 @@ class Panel:
         """Once the loop runs: what is known of the field, and of a run that a crash ended."""
         self._later(None)
 
-        async def look_back() -> None:
-            async with self._work:
-                left = await asyncio.to_thread(self.fields.unfinished)
-            if left is not None and self.ended is None:
-                self._heard({"kind": "ended", "outcome": "stopped", "resume": str(left)})
-
-        self._keep_task(asyncio.create_task(look_back()))
+        self._keep_task(asyncio.create_task(self._look_back(crashed=False)))
+        self._keep_task(asyncio.create_task(self._watch_machine()))
         if self.pairing.needed:
             self._keep_task(asyncio.create_task(self._show_codes()))
+
+    async def _look_back(self, *, crashed: bool) -> None:
+        """What a run left that a crash ended: of the laptop, or (`crashed`) of the machine's
+        process just now."""
+        async with self._work:
+            left = await asyncio.to_thread(self.fields.unfinished)
+        if left is not None and (crashed or self.ended is None):
+            self._heard({"kind": "ended", "outcome": "stopped", "resume": str(left)})
+
+    async def _watch_machine(self) -> None:
+        """While the machine's process says nothing, the pages are told that, in place of how things
+        stood."""
+        while True:
+            await asyncio.sleep(SILENT_S / 3)
+            if time.monotonic() - self._said_now < SILENT_S:
+                continue
+            self.now = {}
+            if not self.line.connected:
+                self._note_crash()
+            for page in self.pages.values():
+                page.show({"kind": "alone", "why": self.line.problem})
+
+    def _note_crash(self) -> None:
+        """The machine's process has ended: a run that went on in it can be gone on with."""
+        if self._drove:
+            self._drove = False
+            self._keep_task(asyncio.create_task(self._look_back(crashed=True)))
 
     async def _show_codes(self) -> None:
         """A code pairs one phone, ends with wrong guesses and grows old: whoever holds the next
@@ -201,7 +257,10 @@ class Panel:
     def _heard(self, message: Json) -> None:
         kind = message.get("kind")
         if kind == "now":
-            self.now = message
+            if message["t"] < self.now.get("t", -math.inf):  # another process began its clock anew
+                self._note_crash()
+            self._drove = message["mode"] == "drive"
+            self.now, self._said_now = message, time.monotonic()
             self._hear_fix(message)
             for page in self.pages.values():
                 page.show(self._for(page))
@@ -304,7 +363,7 @@ class Panel:
     def _for(self, page: Page) -> Json:
         return self.now | {
             "driver": self.seat.holder == page.name,
-            "driven": self.seat.holder is not None,
+            "driven": self.seat.taken,
             "pages": len(self.pages),
             "green": self.green,
         }
@@ -363,11 +422,12 @@ class Panel:
         """One message of a page; what makes no sense is ignored."""
         try:
             wish = json.loads(text)
-        except ValueError:
+            json.dumps(wish, allow_nan=False)  # what cannot be passed on
+        except (ValueError, RecursionError):
             return
-        if not isinstance(wish, dict):
+        what = wish.get("do") if isinstance(wish, dict) else None
+        if not isinstance(what, str):
             return
-        what = wish.get("do")
         if what == "stop":
             self.stop(page, wish)
             return
@@ -388,9 +448,21 @@ class Panel:
         elif what == "leave":
             self.seat.leave(page.name)
         elif self.seat.holder != page.name:
-            page.tell({"kind": "refused", "what": "watching"})
+            if what != "here":
+                page.tell({"kind": "refused", "what": "watching"})
+        elif what in IN_SIGHT and not self._in_sight(wish.get("seen")):
+            if what != "here":
+                page.tell({"kind": "refused", "what": "late"})
         else:
             self._drivers(page, wish)
+
+    def _in_sight(self, seen: object) -> bool:
+        """Whether a page that has `seen` the state of that time, by the machine's clock, has seen
+        how things stand now."""
+        t = self.now.get("t")
+        return (
+            isinstance(t, int | float) and isinstance(seen, int | float) and 0 <= t - seen <= LATE_S
+        )
 
     def _drivers(self, page: Page, wish: Json) -> None:
         """Wishes of the page that drives."""
@@ -417,15 +489,17 @@ class Panel:
 
     def _start(self, page: Page, wish: Json) -> None:
         held, page.held_since = page.held_since, None
+        resume = (self.ended or {}).get("resume") if wish.get("resume") else None
+        heading = wish.get("heading_deg")
         if held is None or time.monotonic() - held < HOLD_S - HOLD_SLACK_S:
             page.tell({"kind": "refused", "what": "hold"})
         elif not self.green:
             page.tell({"kind": "refused", "what": "check"})
+        elif wish.get("resume") and resume is None:
+            page.tell({"kind": "refused", "what": "resume"})
+        elif heading is not None and not (isinstance(heading, int | float) and 0 <= heading <= 360):
+            page.tell({"kind": "refused", "what": "heading"})
         else:
-            resume = (self.ended or {}).get("resume") if wish.get("resume") else None
-            heading = wish.get("heading_deg")
-            if not isinstance(heading, int | float) or not 0 <= heading <= 360:
-                heading = None
             order = self.order() | {"resume": resume, "heading_deg": heading}
             self.line.ask({"do": "start", "order": order})
 
@@ -439,39 +513,46 @@ class Panel:
             "corner": self.fields.corner,
         }
 
-    def stop(self, page: Page | None, wish: Json) -> None:
-        """To the machine, first of all; the page learns at once if there is nobody to tell."""
-        if not self.line.ask({"do": "stop", "id": wish.get("id")}) and page is not None:
+    def stop(self, page: Page | None, wish: Json) -> bool:
+        """To the machine, first of all; the page learns at once if there is nobody to tell. A
+        finger that holds the start button meanwhile starts nothing."""
+        name = wish.get("id")
+        name = name[:STOP_ID] if isinstance(name, str) else None
+        reached = self.line.ask({"do": "stop", "id": name})
+        for one in self.pages.values():
+            one.held_since = None
+        if not reached and page is not None:
             page.tell({"kind": "refused", "what": "stop"})
+        return reached
+
+
+class Run(BaseModel):
+    """What the page says of a past run. A file that says less is no run's."""
+
+    outcome: Literal["finished", "stopped", "fault"]
+    reason: str = ""
+    code: str = ""
+    words: Json = {}
+    faults: list[str]
+    record: str
+    turns: int
+    pictures: int
+    slow_steps: int
+    late_steps: int
+    seconds: float
 
 
 def runs(folder: Path) -> list[Json]:
     """The last runs, newest first, as they ended."""
     found = []
-    for path in sorted(folder.glob("drive-*.run.json"), reverse=True)[:RUNS]:
+    for path in sorted(folder.glob("drive-*.run.json"), reverse=True):
         with contextlib.suppress(OSError, ValueError):
-            run = json.loads(path.read_text(encoding="utf-8"))
-            day, time_of_day = path.name.split("-")[1], path.name.split("-")[2][:6]
-            begun = f"{day[:4]}-{day[4:6]}-{day[6:]}T{time_of_day[:2]}:{time_of_day[2:4]}Z"
-            found.append(run | {"begun": begun})
+            begun = datetime.datetime.strptime(path.name[6:21], "%Y%m%d-%H%M%S")
+            run = Run.model_validate_json(path.read_bytes())
+            found.append(run.model_dump() | {"begun": f"{begun:%Y-%m-%dT%H:%MZ}"})
+        if len(found) == RUNS:
+            break
     return found
-
-
-async def _body(request: Request) -> Json | None:
-    """A small JSON object, soon; None for anything else."""
-    if request.headers.get("content-type", "").split(";")[0] != "application/json":
-        return None
-    data = b""
-    try:
-        async with asyncio.timeout(BODY_S):
-            async for part in request.stream():
-                data += part
-                if len(data) > BODY_BYTES:
-                    return None
-        found = json.loads(data)
-    except (TimeoutError, ValueError):
-        return None
-    return found if isinstance(found, dict) else None
 
 
 def _parts() -> dict[str, bytes]:
@@ -504,11 +585,13 @@ class Web:
 
     async def pair(self, request: Request) -> Response:
         """The code for a ticket, which the browser keeps."""
-        body = await _body(request)
+        body: Json = {}
+        with contextlib.suppress(BodyError):
+            body = await json_body(request)
         pairing = self._panel.pairing
         if pairing.wait_s > 0:
             return JSONResponse({"wait_s": round(pairing.wait_s)}, 429)
-        ticket = pairing.pair(str((body or {}).get("code", "")))
+        ticket = pairing.pair(str(body.get("code", "")))
         if ticket is None:
             return JSONResponse({"wrong": True, "wait_s": round(pairing.wait_s)}, 403)
         answer = JSONResponse({"paired": True})
@@ -520,10 +603,14 @@ class Web:
         return JSONResponse({"paired": self._known(request)})
 
     async def stop(self, request: Request) -> Response:
-        """STOP without a socket."""
+        """STOP without a socket; no body is waited for. A page whose script has not come sends its
+        form, and wants the page again."""
         if not self._known(request):
             return JSONResponse({"paired": False}, 401)
-        reached = self._panel.line.ask({"do": "stop", "id": None})
+        reached = self._panel.stop(None, {"id": request.query_params.get("id")})
+        script = request.headers.get("content-type", "").startswith("application/json")
+        if reached and not script:
+            return Response(status_code=303, headers={"location": "/"})
         return JSONResponse({"reached": reached}, 200 if reached else 503)
 
     @contextlib.asynccontextmanager

@@ -54,7 +54,9 @@ class MachineWire:
             self._machine.link.request(message)
 
     def poll(self) -> list[Telemetry]:
-        """What has come; the panel is served meanwhile."""
+        """What has come; the panel is served meanwhile. UserError where its page is gone: the wheel
+        turns to and fro."""
+        self._machine.need_driver()
         return self._machine.pump(POLL_S)
 
 

@@ -72,8 +72,9 @@ class Page:
         self.seen: list[Json] = []
 
     def ask(self, what: str, **values: Any) -> None:
-        """One wish."""
-        self.socket.send(json.dumps({"do": what, **values}))
+        """One wish, on the sight of the newest snapshot."""
+        seen = next((m["t"] for m in reversed(self.seen) if m["kind"] == "now"), None)
+        self.socket.send(json.dumps({"do": what, "seen": seen, **values}))
 
     def until(self, fits: Callable[[Json], bool], patience_s: float = PATIENCE_S) -> Json:
         """The first message that fits; signs of life go out meanwhile."""

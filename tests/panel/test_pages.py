@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, Page, WebSocketRoute, expect, sync_playwright
+from playwright.sync_api import Browser, Page, Route, WebSocketRoute, expect, sync_playwright
 
 from host.core.frames import LocalFrame
 from host.core.messages import Fix
@@ -90,20 +90,30 @@ class Line:
         self.mutes: frozenset[str] = frozenset()
         """Kinds of the panel's messages that the page shall not hear."""
         self.say: Callable[[Json], None] = lambda _: None
+        self.close: Callable[[], None] = lambda: None
+        self.opened = 0
+        """How many sockets so far,"""
+        self.hung = 0
+        """and how many of them lead nowhere, as over a Wi-Fi that is lost: each stays open."""
 
     def through(self, page_end: WebSocketRoute) -> None:
         """Between a page and the panel."""
         panel_end = page_end.connect_to_server()
+        self.opened += 1
+        number = self.opened
 
         def pass_on(message: str | bytes) -> None:
             told = json.loads(message) if isinstance(message, str) else {}
-            if told.get("kind") in self.mutes:
+            if told.get("kind") in self.mutes or number <= self.hung:
                 return
             page_end.send(json.dumps(told | self.more) if told.get("kind") == "now" else message)
 
         def pass_in(message: str | bytes) -> None:
             wish = json.loads(message)
+            if number <= self.hung:
+                return
             if wish["do"] in self.keeps:
+                wish.pop("seen", None)  # when it was asked: another each time
                 self.kept.append(wish)
             else:
                 panel_end.send(message)
@@ -111,6 +121,7 @@ class Line:
         panel_end.on_message(pass_on)
         page_end.on_message(pass_in)
         self.say = lambda message: page_end.send(json.dumps(message))
+        self.close = page_end.close
 
 
 def opened(
@@ -282,6 +293,31 @@ def test_the_words_of_a_stop_go_when_something_begins(browser: Browser, panel: S
     expect(said).to_contain_text("STOPPED")  # they stay for as long as it stands
     line.more = {"mode": "countdown", "countdown_s": 4.0}
     expect(said).to_be_empty(timeout=5_000)
+    page.context.close()
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_why_it_did_not_start_is_seen_beside_the_button_that_was_held(
+    browser: Browser, panel: Served, language: str
+) -> None:
+    """On a phone that button is a screen below the page's head."""
+    line = Line()
+    line.more = {"driver": True, "driven": True}
+    page = opened(browser, panel, "phone", language, line)
+    page.click("#tabs button[data-tab=harvest]")
+    page.evaluate("scrollTo(0, document.body.scrollHeight)")
+    line.say({"kind": "failed", "what": "prepare", "why": "the board does not answer"})
+    notice = page.locator("#notice")
+    expect(notice).to_contain_text(text(language, "said.the board does not answer"))
+    box, head, foot = (page.locator(one).bounding_box() for one in ("#notice", "header", "footer"))
+    assert box is not None
+    assert head is not None
+    assert foot is not None
+    assert page.evaluate("scrollY") > 300
+    assert head["y"] + head["height"] <= box["y"]
+    assert box["y"] + box["height"] <= foot["y"]
+    if PICTURES:
+        page.screenshot(path=Path(PICTURES) / f"notice-{language}.png")
     page.context.close()
 
 
@@ -1155,3 +1191,385 @@ def test_a_small_phone_in_urdu_says_all_in_urdu_and_every_button_is_large_enough
         assert re.sub(r"{\w+}", "", text("ur", unit)).strip() in said, unit
     assert [one for one in page.evaluate("drawn") if re.search("[A-Za-z]", one)] == []
     page.context.close()
+
+
+# ---- a link that fails ---------------------------------------------------------------------------
+
+FOR_GOOD = 10**6
+IDLE: Json = {"mode": "idle", "driver": True, "driven": True, "green": True}
+
+
+def test_what_is_not_known_now_is_not_shown_as_it_was(browser: Browser, panel: Served) -> None:
+    line = Line()
+    page = opened(browser, panel, "phone", "en", line)
+    page.click("#tabs button[data-tab=harvest]")
+    line.more = dict(DRIVING) | {"mode": "countdown", "countdown_s": 3.0}
+    expect(page.locator("#countdown")).to_be_visible()
+    expect(page.locator("#facts")).to_contain_text("42 %")
+    line.hung = FOR_GOOD
+    expect(page.locator("#state-word")).to_have_text(text("en", "state.no_laptop"))
+    # At once, and not only when another socket is opened.
+    assert page.locator("#countdown").is_hidden()
+    assert page.locator("#facts").inner_text() == ""
+    for signal in ("board", "battery", "camera", "gnss"):
+        assert page.locator(f"#signal-{signal}").is_hidden(), signal
+    assert page.locator("#signal-laptop").inner_text() == text("en", "signal.no_laptop")
+    assert page.locator("#pause").is_disabled()
+    assert page.locator("#take").is_hidden()
+    if PICTURES:
+        page.screenshot(path=Path(PICTURES) / "no-link.png")
+    page.click("#tabs button[data-tab=check]")
+    expect(page.locator("#check-go")).to_be_disabled()
+    expect(page.locator("#check-why")).to_have_text(text("en", "why.no_laptop"))
+    page.context.close()
+
+
+def test_a_link_that_is_lost_while_it_drives_is_heard_once(browser: Browser, panel: Served) -> None:
+    line = Line()
+    page = opened(browser, panel, "phone", "en", line)
+    page.click("#tabs button[data-tab=harvest]")  # a touch, without which browsers allow no sound
+    page.evaluate("window.tones = []; addEventListener('tone', (e) => tones.push(e.detail))")
+    line.more = {"mode": "idle"}
+    page.wait_for_timeout(700)
+    line.hung = line.opened  # while it stands, nobody has to look up
+    expect(page.locator("#state-word")).to_have_text(text("en", "state.no_laptop"))
+    expect(page.locator("#state-word")).to_have_text(text("en", "state.idle"), timeout=15_000)
+    assert page.evaluate("tones.length") == 0
+    line.more = dict(DRIVING)
+    expect(page.locator("#facts")).to_contain_text("42 %")
+    page.wait_for_timeout(700)
+    line.hung = FOR_GOOD
+    expect(page.locator("#state-word")).to_have_text(text("en", "state.no_laptop"))
+    page.wait_for_timeout(700)
+    heard = page.evaluate("tones.length")
+    assert heard >= 8
+    page.wait_for_timeout(2500)
+    assert page.evaluate("tones.length") == heard
+    page.context.close()
+
+
+def test_a_board_that_is_silent_has_no_battery(browser: Browser, panel: Served) -> None:
+    line = Line()
+    page = opened(browser, panel, "phone", "en", line)
+    expect(page.locator("#signal-battery")).to_contain_text("12")
+    line.more = {"link": {"port": "x", "problem": "silent", "firmware": None, "refusal": ""}}
+    expect(page.locator("#signal-board")).to_have_text(text("en", "signal.no_board"))
+    expect(page.locator("#signal-battery")).to_have_text(text("en", "signal.no_battery"))
+    page.context.close()
+
+
+def test_a_program_of_the_machine_that_is_gone_is_not_taken_for_a_link_that_is_lost(
+    browser: Browser, panel: Served
+) -> None:
+    line = Line()
+    page = opened(browser, panel, "phone", "ur", line)
+    page.click("#tabs button[data-tab=harvest]")
+    line.mutes = frozenset({"now"})
+    line.keeps = frozenset({"stop"})
+    line.say({"kind": "alone"})
+    expect(page.locator("#state-word")).to_have_text(text("ur", "state.no_machine"))
+    expect(page.locator("#state-why")).to_contain_text("machine.log")
+    line.say({"kind": "alone", "why": "timed out"})
+    expect(page.locator("#state-why")).to_have_text(text("ur", "said.timed out"))
+    line.say({"kind": "alone"})
+    expect(page.locator("#signal-laptop")).to_have_text(text("ur", "signal.laptop"))
+    expect(page.locator("#start-why")).to_have_text(text("ur", "why.no_machine"))
+    page.locator("#stop").dispatch_event("pointerdown")
+    expect(page.locator("#stop-said")).to_have_text(text("ur", "stop.no_board"))
+    page.context.close()
+
+
+def test_a_stop_goes_round_a_socket_that_leads_nowhere_and_another_is_opened(
+    browser: Browser, panel: Served, board: FakeFirmware
+) -> None:
+    line = Line()
+    page = opened(browser, panel, "phone", "en", line)
+    assert line.opened == 1
+    line.hung = line.opened
+    board.received.clear()
+    page.locator("#stop").dispatch_event("pointerdown")
+    for _ in range(40):
+        page.wait_for_timeout(50)
+        if any(isinstance(one, protocol.Stop) for one in list(board.received)):
+            break
+    assert any(isinstance(one, protocol.Stop) for one in list(board.received))
+    for _ in range(300):
+        if line.opened > 1:
+            break
+        page.wait_for_timeout(50)
+    assert line.opened > 1
+    expect(page.locator("#state-word")).to_have_text(text("en", "state.idle"), timeout=15_000)
+    expect(page.locator("#stop-said")).to_contain_text("The board confirms", timeout=10_000)
+    page.context.close()
+
+
+def test_a_page_that_drove_drives_on_after_a_moment_without_a_link(
+    browser: Browser, panel: Served
+) -> None:
+    """And only it: whoever watched watches on."""
+    line = Line()
+    page = opened(browser, panel, "phone", "en", line)
+    watching = opened(browser, panel, "laptop", "en")
+    for one in (page, watching):
+        one.click("#tabs button[data-tab=harvest]")
+    page.click("#take")
+    expect(page.locator("#take")).to_be_hidden()
+    expect(watching.locator("#take")).to_have_text(text("en", "harvest.watching"))
+    page.wait_for_timeout(1000)
+    sockets = line.opened
+    line.close()
+    for _ in range(100):
+        page.wait_for_timeout(50)
+        if line.opened > sockets:
+            break
+    assert line.opened > sockets
+    # What it still lacks is a check, and no longer the wheel.
+    expect(page.locator("#start-why")).to_have_text(text("en", "why.no_check"))
+    expect(watching.locator("#take")).to_be_disabled()
+    page.context.close()
+    expect(watching.locator("#take")).to_be_enabled(timeout=15_000)
+    watching.context.close()
+
+
+def test_a_pause_says_on_a_page_that_watches_how_to_drive(browser: Browser, panel: Served) -> None:
+    line = Line()
+    page = opened(browser, panel, "phone", "en", line)
+    line.more = DRIVING | {"paused": True, "paused_why": "away", "driver": False, "driven": False}
+    expect(page.locator("#state-why")).to_contain_text(text("en", "why.not_driver"))
+    line.more["driven"] = True
+    expect(page.locator("#state-why")).to_contain_text(text("en", "why.other_drives"))
+    line.more["driver"] = True
+    expect(page.locator("#state-why")).to_have_text(text("en", "paused.away"))
+    page.context.close()
+
+
+def stops(page: Page, line: Line) -> list[Json]:
+    """The STOPs that came, by their names."""
+    page.wait_for_timeout(300)
+    names = dict.fromkeys(wish["id"] for wish in line.kept if wish["do"] == "stop")
+    return list(names)
+
+
+def test_stop_is_pressed_by_a_finger_a_key_and_a_screen_reader_once_each(
+    browser: Browser, panel: Served
+) -> None:
+    line = Line()
+    page = opened(browser, panel, "phone", "en", line)
+    line.keeps = frozenset({"stop"})
+    page.tap("#stop")
+    assert len(stops(page, line)) == 1, "the click that follows the finger is none of its own"
+    page.locator("#stop").focus()
+    for _ in range(5):
+        page.keyboard.down("Enter")  # a key that stays down repeats
+    page.keyboard.up("Enter")
+    assert len(stops(page, line)) == 2
+    page.wait_for_timeout(800)
+    page.evaluate("document.getElementById('stop').click()")  # as a screen reader does it
+    assert len(stops(page, line)) == 3
+    assert page.url == f"http://{panel.host}/"
+    page.context.close()
+
+
+def test_stop_works_where_the_pages_script_never_came(
+    browser: Browser, panel: Served, board: FakeFirmware
+) -> None:
+    page = browser.new_context().new_page()
+    page.route("**/static/field.js", lambda route: route.abort())
+    page.goto(f"http://{panel.host}/")
+    board.received.clear()
+    page.unroute("**/static/field.js")
+    page.click("#stop")
+    assert board.wait_for(protocol.Stop)
+    expect(page.locator("#signal-board")).to_contain_text(text("en", "board.SAFE"))
+    page.context.close()
+
+
+def test_texts_that_do_not_come_at_first_are_asked_for_again(
+    browser: Browser, panel: Served
+) -> None:
+    page = browser.new_context(locale="en-GB").new_page()
+    tries: list[str] = []
+
+    lost = True
+
+    def answer(route: Route) -> None:
+        tries.append(route.request.url)
+        if lost:
+            route.abort()
+        else:
+            route.continue_()
+
+    page.route("**/texts/en.json", answer)
+    page.goto(f"http://{panel.host}/")
+    for _ in range(400):
+        if len(tries) >= 3:
+            break
+        page.wait_for_timeout(50)
+    assert len(tries) >= 3
+    said = page.locator("#state").inner_text()
+    assert "load the page again" in said, "and no names of texts"
+    lost = False
+    expect(page.locator("#tabs button")).to_have_count(len(TABS))
+    expect(page.locator("#state-why")).to_be_empty()
+    page.context.close()
+
+
+def test_a_finger_that_lifts_from_a_key_that_was_disabled_moves_nothing_later(
+    browser: Browser, panel: Served
+) -> None:
+    """A disabled button hears no finger go."""
+    line = Line()
+    line.more = dict(IDLE)
+    line.keeps = frozenset({"jog", "hold", "start", "let_go"})
+    page = opened(browser, panel, "phone", "en", line)
+    page.click("#tabs button[data-tab=harvest]")
+    page.click("#jog summary")
+    for button in ("#jog-keys button[data-jog='1,0']", "#start"):
+        line.more = dict(IDLE)
+        expect(page.locator(button)).to_be_enabled()
+        page.locator(button).dispatch_event("pointerdown")
+        asked(page, line, 1)
+        line.more = IDLE | {"driver": False}
+        expect(page.locator(button)).to_be_disabled()
+        page.wait_for_timeout(300)
+        line.kept.clear()
+        line.more = dict(IDLE)  # it drives again, and nobody has a finger there
+        expect(page.locator(button)).to_be_enabled()
+        page.wait_for_timeout(2200)
+        assert line.kept == []
+    page.context.close()
+
+
+def test_a_finger_on_a_page_that_is_hidden_holds_nothing(browser: Browser, panel: Served) -> None:
+    """A call comes in, the screen goes dark."""
+    line = Line()
+    line.more = dict(IDLE)
+    line.keeps = frozenset({"jog", "hold", "start", "let_go"})
+    page = opened(browser, panel, "phone", "en", line)
+    page.click("#tabs button[data-tab=harvest]")
+    page.click("#jog summary")
+    for button, last in (
+        ("#jog-keys button[data-jog='1,0']", {"do": "jog", "speed": 0, "steer_deg": 0}),
+        ("#start", {"do": "let_go"}),
+    ):
+        expect(page.locator(button)).to_be_enabled()
+        page.locator(button).dispatch_event("pointerdown")
+        asked(page, line, 1)
+        page.evaluate("Object.defineProperty(document, 'hidden', { value: true, writable: true })")
+        page.wait_for_timeout(400)
+        assert line.kept[-1] == last
+        line.kept.clear()
+        page.evaluate("document.hidden = false")
+        page.wait_for_timeout(2200)
+        assert line.kept == []
+    page.context.close()
+
+
+def test_a_stop_ends_what_another_finger_holds(browser: Browser, panel: Served) -> None:
+    line = Line()
+    line.more = dict(IDLE)
+    line.keeps = frozenset({"hold", "start", "let_go", "stop"})
+    page = opened(browser, panel, "phone", "en", line)
+    page.click("#tabs button[data-tab=harvest]")
+    expect(page.locator("#start")).to_be_enabled()
+    page.locator("#start").dispatch_event("pointerdown")
+    asked(page, line, 1)
+    page.locator("#stop").dispatch_event("pointerdown")
+    page.wait_for_timeout(2200)
+    assert [wish["do"] for wish in line.kept if wish["do"] != "stop"] == ["hold", "let_go"]
+    page.context.close()
+
+
+def test_a_compass_figure_is_of_one_start(browser: Browser, panel: Served) -> None:
+    line = Line()
+    line.more = dict(IDLE)
+    page = opened(browser, panel, "phone", "en", line)
+    page.click("#tabs button[data-tab=harvest]")
+    line.say({"kind": "ended", "outcome": "stopped", "reason": "", "resume": "x"})
+    page.fill("#compass", "90")
+    line.more = dict(DRIVING)
+    expect(page.locator("#compass")).to_be_hidden()
+    line.more = dict(IDLE)
+    expect(page.locator("#compass")).to_be_visible()
+    expect(page.locator("#compass")).to_have_value("")
+    page.context.close()
+
+
+def test_a_gap_that_is_emptied_is_none_of_nothing(browser: Browser, panel: Served) -> None:
+    line = Line()
+    line.more = dict(IDLE)
+    page = opened(browser, panel, "phone", "en", line)
+    page.click("#tabs button[data-tab=field]")
+    line.keeps = frozenset({"gap"})
+    box = page.locator("#field-gap")
+    expect(box).to_have_value("2")
+    box.fill("")
+    box.blur()
+    expect(box).to_have_value("2")
+    assert line.kept == []
+    box.fill("-3")
+    box.blur()
+    assert asked(page, line, 1) == [{"do": "gap", "gap_m": -3}]
+    page.context.close()
+
+
+def test_a_look_at_the_sliders_takes_the_wheel_from_nobody(browser: Browser, panel: Served) -> None:
+    line = Line()
+    page = opened(browser, panel, "phone", "en", line)
+    line.keeps = frozenset({"take", "colour_begin"})
+    page.click("#tabs button[data-tab=tune]")
+    expect(page.locator("#pid-go")).to_be_enabled()
+    assert line.kept == []
+    line.more = dict(IDLE)
+    assert asked(page, line, 1) == [{"do": "colour_begin"}]
+    page.context.close()
+
+
+def test_a_question_and_the_sliders_are_said_in_the_language_that_is_chosen_meanwhile(
+    browser: Browser, panel: Served
+) -> None:
+    line = Line()
+    page = opened(browser, panel, "phone", "en", line)
+    line.say(CHECKED)
+    slider = {"name": "a", "min": 0, "max": 2, "step": 0.05}
+    line.say({"kind": "colour", "sliders": [slider], "params": {"a": 0.5}})
+    line.say(TUNED)
+    page.click("#tabs button[data-tab=runs]")
+    page.click("#languages button[lang=ur]")
+    expect(page.locator("html")).to_have_attribute("lang", "ur")
+    page.click("#tabs button[data-tab=check]")
+    said = text("ur", "ask.rolled_m").split("(")[0].strip()
+    expect(page.locator("#question-text")).to_contain_text(said)
+    page.click("#tabs button[data-tab=tune]")
+    expect(page.locator("#sliders label")).to_contain_text(text("ur", "slider.a"))
+    expect(page.locator("#sliders input")).to_have_value("0.5")
+    assert page.evaluate(LEFT_ENGLISH, NAMES) == []
+    page.context.close()
+
+
+def test_a_phone_whose_pairing_ended_with_the_panel_is_asked_for_the_code(
+    browser: Browser, tmp_path: Path
+) -> None:
+    """A panel that is started again knows no phone of before."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+        with served("/dev/null-port", tmp_path, lan=True) as found:
+            line = Line()
+            page = browser.new_context(locale="en-GB").new_page()
+            page.route_web_socket("**/live", line.through)
+            page.goto(f"http://{found.host}/")
+            expect(page.locator("#page-pair")).to_be_visible()
+            page.route("**/pair", lambda route: route.abort())
+            page.fill("#pair-code", found.panel.pairing.code)
+            page.click("#pair-form button")
+            expect(page.locator("#pair-said")).to_have_text(text("en", "why.no_laptop"))
+            page.unroute("**/pair")
+            page.click("#pair-form button")
+            expect(page.locator("#signal-laptop")).to_have_text(
+                text("en", "signal.laptop"), timeout=30_000
+            )
+            expect(page.locator("#signal-board")).to_be_visible(timeout=60_000)
+            found.panel.pairing._known.clear()
+            line.close()
+            expect(page.locator("#page-pair")).to_be_visible()
+            page.context.close()

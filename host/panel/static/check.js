@@ -60,6 +60,12 @@ export function hear(message) {
   } else delete $("question").dataset.key;
 }
 
+// In another language.
+export function speak() {
+  delete $("question").dataset.key;
+  if (found) hear(found);
+}
+
 function number(question) {
   const form = document.createElement("form");
   const input = document.createElement("input");

@@ -36,7 +36,8 @@ export function bind(asker) {
     choose("keep_out", event);
   });
   $("field-keep-out-drop").addEventListener("click", () => { drawn = []; work({ do: "keep_out_drop" }); });
-  $("field-gap").addEventListener("change", () => { const gap = Number($("field-gap").value); if (gap >= 0) work({ do: "gap", gap_m: gap }); });
+  // Emptied, or no number: what holds is shown again. What is no gap, the panel says.
+  $("field-gap").addEventListener("change", () => { const box = $("field-gap"); if (box.value === "") box.value = field?.gap_m ?? ""; else work({ do: "gap", gap_m: Number(box.value) }); });
   $("field-corner").addEventListener("change", () => work({ do: "corner", corner: Number($("field-corner").value) }));
   $("field-file").addEventListener("change", () => work({ do: "open", name: $("field-file").value }));
   map.addEventListener("pointerdown", begin);
@@ -297,7 +298,7 @@ function stroke(context, points, colour, width) {
 }
 
 export function show(world) {
-  const mine = !world.now?.driven || world.now.driver;
+  const mine = Boolean(world.now) && (!world.now.driven || world.now.driver);
   const walk = field?.walk;
   $("walk-begin").disabled = !mine || walk?.on || !world.now?.gnss.there || world.now.mode !== "idle";
   $("walk-end").disabled = $("walk-drop").disabled = !mine;

@@ -10,12 +10,24 @@ import * as runs from "./runs.js";
 
 const $ = (id) => document.getElementById(id);
 const TABS = ["check", "field", "harvest", "tune", "runs"];
-const SILENT_MS = 1500;
+const SILENT_MS = 1500;  // without a word: what is shown is old
+const DEAD_MS = 3000;    // without a word: the connection leads nowhere, another is opened
+const OPENS_MS = 8000;   // for a connection to come about over a slow link
 const HERE_MS = 500;
+const MOMENTS_MS = 10000; // within which a page that drove takes the free wheel again by itself
+const POST_MS = 3000;    // for a STOP that goes round the socket to be answered
+const TAP_MS = 700;      // between a finger's coming down and the click that follows
+const ASKED_UNASKED = ["hello", "look", "here", "take", "runs", "colour_begin", "let_go"];  // by no finger, or beside what a finger asks
 
-export const world = { now: null, plan: null, trail: [], ended: null, goal: null, stuck: false, check: null, field: null, paired: true };
+export const world = { now: null, plan: null, trail: [], ended: null, goal: null, stuck: false, check: null, field: null, alone: null, paired: true };
 let socket = null;
-let heardAt = 0;
+let heardAt = 0;         // the panel's last word, of whatever
+let nowAt = 0;           // how things stand was told last
+let awakeAt = 0;         // this page's own last tick, or when it woke up
+let tickAt = 0;
+let droveAt = -Infinity; // this page was told last that it drives
+let goesOn = false;      // something did, when that was known last
+let again = 0;
 let tab = "check";
 let stop = null;         // the STOP that waits: {id, at, tries}
 let before = {};         // of the last snapshot, for sounds
@@ -24,23 +36,37 @@ let retry = 300;
 
 // ---- STOP ---------------------------------------------------------------------------------------
 
+let stopTimer = 0;
+let pressedAt = -TAP_MS;
+
 function pressStop() {
-  sound.wake();
-  sound.stopped();
-  stop = { id: `${Date.now()}-${Math.random().toString(36).slice(2, 8)}`, at: performance.now(), done: false };
+  pressedAt = performance.now();
+  stop = { id: `${Date.now()}-${Math.random().toString(36).slice(2, 8)}`, at: pressedAt, done: false, tries: 0, problem: false };
   sayStop("wait", t("stop.sent"));
   sendStop();
   window.dispatchEvent(new Event("stopped"));
+  sound.wake();
+  sound.stopped();
 }
 
+// Again and again until the board confirms. A socket that looks open may lead nowhere: what is not
+// confirmed at once takes a connection of its own as well.
 function sendStop() {
+  clearTimeout(stopTimer);
   if (!stop || stop.done) return;
   const open = socket && socket.readyState === WebSocket.OPEN;
   if (open) socket.send(JSON.stringify({ do: "stop", id: stop.id }));
-  else fetch("stop", { method: "POST", headers: { "Content-Type": "application/json" }, body: "{}", keepalive: true }).catch(() => {});
+  if (!linked() || stop.tries > 0) fetch(`stop?id=${stop.id}`, { method: "POST", headers: { "Content-Type": "application/json" }, body: "{}", keepalive: true, signal: AbortSignal.timeout?.(POST_MS) }).catch(() => {});
+  stop.tries += 1;
+  stopTimer = setTimeout(sendStop, open ? 400 : 700);
+  sayUnconfirmed();
+}
+
+function sayUnconfirmed() {
   const late = performance.now() - stop.at > 1000;
-  if (late || !open) sayStop("bad", t(open && fresh() ? "stop.unconfirmed" : "stop.no_laptop"));
-  setTimeout(sendStop, open ? 400 : 700);
+  if (!linked()) sayStop("bad", t("stop.no_laptop"));
+  else if (stop.problem || world.alone) sayStop("bad", t("stop.no_board"));
+  else if (late) sayStop("bad", t("stop.unconfirmed"));
 }
 
 function hearStop(now) {
@@ -51,7 +77,7 @@ function hearStop(now) {
     const ms = Math.round(performance.now() - stop.at);
     document.body.dataset.stopMs = String(ms);
     sayStop("good", t("stop.confirmed", { ms }));
-  } else if (now.stop.problem) sayStop("bad", t("stop.no_board"));
+  } else if (now.stop.problem) { stop.problem = true; sayUnconfirmed(); }
 }
 
 function sayStop(kind, text) {
@@ -61,47 +87,70 @@ function sayStop(kind, text) {
 }
 
 $("stop").addEventListener("pointerdown", (event) => { event.preventDefault(); pressStop(); });
-$("stop").addEventListener("keydown", (event) => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); pressStop(); } });
+$("stop").addEventListener("keydown", (event) => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); if (!event.repeat) pressStop(); } });
+// A screen reader and a voice press it by a click alone. Without this script the form itself is sent.
+$("stop-form").addEventListener("submit", (event) => { event.preventDefault(); if (performance.now() - pressedAt > TAP_MS) pressStop(); });
 
 // ---- the socket ---------------------------------------------------------------------------------
 
+// What cannot be told now is not told later: nobody would expect it any more. With each wish goes
+// which state it was asked on the sight of, so that the panel refuses what comes late.
 export function ask(wish) {
-  if (socket && socket.readyState === WebSocket.OPEN) { socket.send(JSON.stringify(wish)); return true; }
+  if (linked()) { socket.send(JSON.stringify({ ...wish, seen: world.now?.t })); return true; }
+  if (!ASKED_UNASKED.includes(wish.do)) notice(t("why.no_laptop"));
   return false;
 }
 
-const fresh = () => performance.now() - heardAt < SILENT_MS;
-const linked = () => Boolean(socket) && fresh();
+const linked = () => socket?.readyState === WebSocket.OPEN && performance.now() - heardAt < SILENT_MS;
+const live = () => linked() && world.now !== null && performance.now() - nowAt < SILENT_MS;
 
 function connect() {
-  socket = new WebSocket(`ws://${location.host}/live`);
-  socket.binaryType = "arraybuffer";
-  socket.onopen = () => { retry = 300; heardAt = performance.now(); world.paired = true; look(); ask({ do: "hello" }); show(); };
-  socket.onmessage = (event) => {
+  clearTimeout(again);
+  const mine = new WebSocket(`ws://${location.host}/live`);
+  socket = mine;
+  heardAt = performance.now();
+  mine.binaryType = "arraybuffer";
+  mine.onopen = () => {
+    retry = 300;
+    heardAt = performance.now();
+    // The panel tells what there is of these. What another panel told before is over.
+    Object.assign(world, { now: null, plan: null, trail: [], ended: null, goal: null, stuck: false, check: null, alone: null, paired: true });
+    check.hear({ lines: [], question: null, done: false, green: false });
+    look();
+    ask({ do: "hello" });
+    show();
+  };
+  mine.onmessage = (event) => {
     heardAt = performance.now();
     if (event.data instanceof ArrayBuffer) hearPicture(event.data);
     else hear(JSON.parse(event.data));
   };
-  socket.onclose = (event) => {
-    socket = null;
-    if (event.code === 4401 || event.code === 1006 && world.now === null) checkPairing(event.code);
-    setTimeout(connect, retry);
-    retry = Math.min(3000, retry * 1.5);
-    show();
-  };
+  mine.onclose = lose;
 }
 
-async function checkPairing(code) {
+// Without waiting for its end: over a link that is lost, that takes minutes.
+function lose() {
+  if (socket) { socket.onopen = socket.onmessage = socket.onclose = null; socket.close(); }
+  socket = null;
+  clearTimeout(again);
+  again = setTimeout(connect, retry);
+  retry = Math.min(3000, retry * 1.5);
+  checkPairing();
+  show();
+}
+
+async function checkPairing() {
   try {
-    const answer = await fetch("paired");
+    const answer = await fetch("paired", { signal: AbortSignal.timeout?.(POST_MS) });
     world.paired = (await answer.json()).paired;
-  } catch { world.paired = code !== 4401; }
+  } catch { /* nobody answers */ }
   show();
 }
 
 function hear(message) {
   switch (message.kind) {
-    case "now": world.now = message; hearStop(message); hearSounds(message); break;
+    case "now": nowAt = performance.now(); world.now = message; world.alone = null; hearStop(message); hearSounds(message); break;
+    case "alone": world.now = null; world.alone = message; break;
     case "plan": world.plan = message.boundary.length ? message : null; if (!message.anew) world.trail = []; break;
     case "trail": world.trail = message.all ? message.places : world.trail.concat(message.places); break;
     case "ended": world.ended = message; break;
@@ -112,17 +161,26 @@ function hear(message) {
     case "pid": tune.hearPid(message); break;
     case "runs": runs.hear(message); break;
     case "failed": notice(`${has(`failed.${message.what}`) ? t(`failed.${message.what}`) : message.what}: ${message.code ? filled(`problem.${message.code}`, message.values) : said(message.why)}`); break;
-    case "refused": notice(t(`refused.${message.what}`)); break;
+    case "refused": notice(t(`refused.${message.what}`)); if (message.what === "watching" && world.field) field.hear(world.field); break;
     default: return;
   }
   show();
 }
 
 let bitmap = null;
+let pictures = 0;
 async function hearPicture(data) {
-  try { bitmap = await createImageBitmap(new Blob([data], { type: "image/jpeg" })); } catch { return; }
-  if (tab === "harvest") drawPicture($("picture"), bitmap, world.now);
+  const number = ++pictures;
+  let found;
+  try { found = await createImageBitmap(new Blob([data], { type: "image/jpeg" })); } catch { return; }
+  if (number !== pictures) { found.close(); return; }
+  bitmap?.close();  // a day has a hundred thousand of them
+  bitmap = found;
+  if (tab === "harvest") showPicture();
 }
+
+const blind = (camera) => !camera.there || Boolean(camera.problem) || camera.age_s > SILENT_MS / 1000;
+function showPicture() { drawPicture($("picture"), bitmap, live() ? world.now : null, !live() || blind(world.now.camera)); }
 
 function hearSounds(now) {
   const bad = now.board ? now.board.faults.length > 0 : false;
@@ -132,6 +190,7 @@ function hearSounds(now) {
   if (here.phase === "finished" && before.phase !== "finished") sound.finished();
   if (now.paused && !before.paused) sound.waiting();
   if (before.mode === "drive" && now.mode === "idle" && before.phase !== "finished") sound.stopped();
+  if (now.mode === "drive" && before.mode !== "drive") $("compass").value = "";  // the next run begins with another heading
   before = here;
   const left = now.mode === "countdown" && now.countdown_s != null ? Math.ceil(now.countdown_s) : null;
   if (left !== null && left !== secondsSaid && left > 0) sound.second(left === 1);
@@ -156,7 +215,18 @@ async function stayAwake() {
   } else if (!wanted && lock) { lock.release(); lock = null; }
 }
 setInterval(() => {
-  if (world.now?.driver && !document.hidden) ask({ do: "here" });
+  const at = performance.now();
+  // After a sleep the socket's words are still to come.
+  if (at - tickAt > DEAD_MS) awakeAt = at;
+  tickAt = at;
+  if (socket && at - Math.max(heardAt, awakeAt) > (socket.readyState === WebSocket.OPEN ? DEAD_MS : OPENS_MS)) lose();
+  // In a pocket nobody sees that the link is lost.
+  if (live()) goesOn = world.now.mode !== "idle";
+  else if (goesOn) { goesOn = false; sound.fault(); }
+  if (live() && world.now.driver) droveAt = nowAt;
+  if (live() && world.now.driver && !document.hidden) ask({ do: "here" });
+  // A link that was lost for moments changes nobody's place; what stands goes on standing.
+  if (live() && !world.now.driven && !document.hidden && at - droveAt < MOMENTS_MS) ask({ do: "take" });
   stayAwake();
 }, HERE_MS);
 setInterval(show, 1000);
@@ -174,14 +244,14 @@ export function open(name) {
   try { sessionStorage.setItem("tab", name); } catch { /* private browsing */ }
   look();
   if (name === "runs") ask({ do: "runs" });
-  if (name === "tune") tune.begin();
   show();
 }
 
 // What the machine is doing: [kind of colour, word, reason].
 function state(now) {
   if (!world.paired) return ["wait", t("state.unpaired"), ""];
-  if (!socket || !now || !fresh()) return ["bad", t("state.no_laptop"), t("state.no_laptop.why")];
+  if (!linked()) return ["bad", t("state.no_laptop"), t("state.no_laptop.why")];
+  if (!now) return world.alone ? ["bad", t("state.no_machine"), world.alone.why ? said(world.alone.why) : t("state.no_machine.why")] : ["wait", "…", ""];
   const board = now.board;
   const faults = board ? board.faults : [];
   if (now.link.problem) return ["bad", t("state.no_board"), now.link.problem === "silent" ? t("link.silent") : said(now.link.problem)];
@@ -189,7 +259,7 @@ function state(now) {
   if (now.mode === "countdown") return ["wait", t("state.countdown"), ""];
   if (faults.length) return ["bad", t("state.fault"), faults.map((name) => t(`fault.${name}`)).join("; ")];
   if (now.mode === "drive") {
-    if (now.paused) return ["wait", t("state.paused"), t(`paused.${now.paused_why || "asked"}`)];
+    if (now.paused) return ["wait", t("state.paused"), [t(`paused.${now.paused_why || "asked"}`), ...(now.driver ? [] : [t(now.driven ? "why.other_drives" : "why.not_driver")])].join(" ")];
     const pilot = now.pilot;
     const kind = { follow: "go", turn: "go", align: "go", finished: "go", fault: "bad" }[pilot.phase] ?? "wait";
     return [kind, t(`phase.${pilot.phase}`), reason(pilot)];
@@ -203,12 +273,13 @@ function state(now) {
 
 function signal(id, bad, text) {
   const one = $(`signal-${id}`);
-  one.dataset.bad = bad === null || (id !== "laptop" && !linked()) ? "off" : bad ? "1" : "0";
+  one.dataset.bad = bad === null ? "off" : bad ? "1" : "0";
   if (one.textContent !== text) one.textContent = text;
 }
 
 function show() {
-  const now = world.now;
+  if (!has("title")) return;  // without texts there is nothing to say
+  const now = live() ? world.now : null;
   const [kind, word, why] = state(now);
   $("state").dataset.kind = kind;
   if ($("state-word").textContent !== word) $("state-word").textContent = word;
@@ -218,32 +289,39 @@ function show() {
   if (!world.paired) { for (const one of TABS) $(`page-${one}`).hidden = true; return; }
   if ($(`page-${tab}`).hidden) $(`page-${tab}`).hidden = false;
   signal("laptop", !linked(), t(linked() ? "signal.laptop" : "signal.no_laptop"));
+  // What is not known now is not shown as it was.
+  for (const id of ["board", "battery", "camera", "gnss"]) $(`signal-${id}`).hidden = !now;
+  $("pause").disabled = now?.mode !== "drive" || !now.driver;
+  $("countdown").hidden = now?.mode !== "countdown";
+  document.body.dataset.mode = now?.mode ?? "";
+  showTab(now);
   if (!now) return;
-  const board = now.board;
-  signal("board", Boolean(now.link.problem), t(now.link.problem ? "signal.no_board" : "signal.board", { state: t(`board.${board?.state ?? "SAFE"}`) }));
+  const silent = Boolean(now.link.problem), board = silent ? null : now.board;
+  signal("board", silent, t(silent ? "signal.no_board" : "signal.board", { state: t(`board.${board?.state ?? "SAFE"}`) }));
   signal("battery", board ? board.battery_v < 11 : null, board ? t("signal.battery", { volts: board.battery_v }) : t("signal.no_battery"));
   const camera = now.camera;
-  signal("camera", camera.there ? Boolean(camera.problem) || camera.age_s > 1.5 : null, t(camera.problem || camera.age_s > 1.5 || !camera.there ? "signal.no_camera" : "signal.camera"));
+  signal("camera", camera.there ? blind(camera) : null, t(blind(camera) ? "signal.no_camera" : "signal.camera"));
   const fix = now.gnss.fix;
   const located = fix && fix.quality > 0 && fix.age_s < 3;
   signal("gnss", now.gnss.there ? !located : null, located ? t("signal.gnss", { satellites: fix.satellites }) : t("signal.no_gnss"));
-  $("pause").disabled = now.mode !== "drive" || !now.driver;
   $("pause").textContent = t(now.paused ? "pause.go_on" : "pause.pause");
-  document.body.dataset.mode = now.mode;
   document.body.dataset.phase = now.pilot?.phase ?? "";
   document.body.dataset.paused = now.paused ? "1" : "0";
-  const counting = now.mode === "countdown";
-  $("countdown").hidden = !counting;
-  if (counting) $("countdown-number").textContent = String(Math.max(0, Math.ceil(now.countdown_s ?? 0)));
-  if (tab === "harvest") showHarvest(now);
-  if (tab === "check") { check.show(world); put("check-why", now.mode === "check" ? "" : whyNot(now)); }
-  if (tab === "field") { field.show(world); put("walk-why", whyNot(now, "gnss")); }
-  if (tab === "tune") { tune.show(world); put("pid-why", now.mode === "pid" ? "" : whyNot(now)); }
-  if (tab === "runs") runs.show(world);
+  if (now.mode === "countdown") $("countdown-number").textContent = String(Math.max(0, Math.ceil(now.countdown_s ?? 0)));
+}
+
+function showTab(now) {
+  const shown = { ...world, now };
+  if (tab === "harvest") showHarvest(now, shown);
+  if (tab === "check") { check.show(shown); put("check-why", now?.mode === "check" ? "" : whyNot(now)); }
+  if (tab === "field") { field.show(shown); put("walk-why", whyNot(now, "gnss")); }
+  if (tab === "tune") { tune.show(shown); put("pid-why", now?.mode === "pid" ? "" : whyNot(now)); }
+  if (tab === "runs") runs.show(shown);
 }
 
 // Why a button that begins something cannot be pressed, in words beside it.
 function whyNot(now, device) {
+  if (!now) return t(world.alone ? "why.no_machine" : "why.no_laptop");
   if (now.driven && !now.driver) return t("why.other_drives");
   if (now.mode !== "idle") return t("why.busy");
   return device && !now[device].there ? t(`why.no_${device}`) : "";
@@ -257,8 +335,8 @@ function duration(seconds) {
   return t("minutes", { minutes: Math.max(1, Math.round(seconds / MINUTE)) });
 }
 
-function showHarvest(now) {
-  const pilot = now.pilot;
+function showHarvest(now, shown) {
+  const pilot = now?.pilot;
   const facts = [];
   if (pilot) {
     facts.push(["facts.done", pilot.done == null ? t("unknown") : t("percent", { percent: Math.round(pilot.done * 100) })]);
@@ -281,8 +359,9 @@ function showHarvest(now) {
       return [dt, dd];
     }));
   }
-  const faults = (now.board?.faults ?? []).map((name) => [t(`fault.${name}`), t(`remedy.${name}`)]);
-  if (!faults.length && now.mode === "idle" && world.ended?.outcome === "fault") faults.push([t("harvest.ended_by"), reason(world.ended)]);
+  const latched = now?.board?.faults ?? [];
+  const faults = latched.map((name) => [t(`fault.${name}`), t(`remedy.${name}`)]);
+  if (!faults.length && now?.mode === "idle" && world.ended?.outcome === "fault") faults.push([t("harvest.ended_by"), reason(world.ended)]);
   if ($("faults").dataset.shown !== JSON.stringify(faults)) {
     $("faults").dataset.shown = JSON.stringify(faults);
     $("faults").replaceChildren(...faults.map(([what, todo]) => {
@@ -292,10 +371,10 @@ function showHarvest(now) {
       return box;
     }));
   }
-  const idle = now.mode === "idle";
-  $("take").hidden = now.driver;
-  $("take").disabled = now.driven;
-  $("take").textContent = t(now.driven ? "harvest.watching" : "harvest.take");
+  const idle = now?.mode === "idle";
+  $("take").hidden = !now || now.driver;
+  $("take").disabled = !now || now.driven;
+  $("take").textContent = t(now?.driven ? "harvest.watching" : "harvest.take");
   const left = idle && world.ended?.resume && world.ended.outcome !== "finished";
   const resumable = left && !world.stuck;
   $("start").hidden = !idle;
@@ -304,18 +383,18 @@ function showHarvest(now) {
   for (const id of ["resume", "compass", "compass-label"]) $(id).hidden = !resumable;
   const goal = resumable ? world.goal : null;
   $("goal-said").textContent = goal ? t("harvest.goal", { side: goal.side, along: goal.along_m, compass: goal.compass_deg }) : left && world.stuck ? t("harvest.stuck") : "";
-  const ready = linked() && !now.link.problem && now.driver && now.green && Boolean(world.field?.plan) && !(now.board?.faults.length);
+  const ready = Boolean(idle && !now.link.problem && now.driver && now.green && world.field?.plan) && !latched.length;
   $("start").disabled = $("resume").disabled = !ready;
-  $("start-why").textContent = !idle || ready ? "" : t(!linked() ? "why.no_laptop" : now.link.problem ? "why.no_board" : !now.driver ? "why.not_driver" : now.board?.faults.length ? "why.fault" : !world.field?.plan ? "why.no_field" : "why.no_check");
-  $("clear").hidden = !(idle && now.board?.faults.length);
-  $("clear").disabled = !now.driver;
-  $("jog").hidden = !(idle || now.mode === "jog");
-  for (const key of document.querySelectorAll("#jog-keys button")) key.disabled = !now.driver;
-  drawMap($("map"), world);
-  $("map").setAttribute("aria-label", mapSaid(world));
-  drawPicture($("picture"), bitmap, now);
-  const camera = now.camera;
-  $("picture-said").textContent = camera.problem ? t("picture.none", { why: said(camera.problem) }) : pilot?.view ? t("picture.said", { confidence: pilot.view.confidence }) : "";
+  put("start-why", !now ? whyNot(now) : !idle || ready ? "" : t(now.link.problem ? "why.no_board" : !now.driver ? "why.not_driver" : latched.length ? "why.fault" : !world.field?.plan ? "why.no_field" : "why.no_check"));
+  $("clear").hidden = !(idle && latched.length);
+  $("clear").disabled = !now?.driver;
+  $("jog").hidden = !(idle || now?.mode === "jog");
+  for (const key of document.querySelectorAll("#jog-keys button")) key.disabled = !now?.driver;
+  drawMap($("map"), shown);
+  $("map").setAttribute("aria-label", mapSaid(shown));
+  showPicture();
+  const camera = now?.camera;
+  $("picture-said").textContent = !camera ? "" : camera.problem ? t("picture.none", { why: said(camera.problem) }) : pilot?.view ? t("picture.said", { confidence: pilot.view.confidence }) : "";
   $("picture").setAttribute("aria-label", t("picture.label"));
 }
 
@@ -325,27 +404,44 @@ $("pause").addEventListener("click", () => ask({ do: world.now?.paused ? "go_on"
 $("take").addEventListener("click", () => { sound.wake(); ask({ do: "take" }); });
 $("clear").addEventListener("click", () => ask({ do: "clear" }));
 
+const HOLD_MS = 2050;
+const HOLD_TICK_MS = 50;
+const FINGER_GOES = ["pointerup", "pointerleave", "pointercancel", "blur"];
+
+// A button that is disabled under a finger does not hear the finger go, nor does a page that is hidden.
+const letGoUnheard = (button) => button.disabled || document.hidden;
+
 function hold(id, order) {
   const button = $(id);
-  let timer = 0;
+  let timer = 0, since = 0;
   const begin = (event) => {
     event.preventDefault();
     if (button.disabled || timer) return;
     sound.wake();
     ask({ do: "hold" });
     button.classList.add("down");
-    timer = setTimeout(() => { timer = 0; button.classList.remove("down"); ask({ do: "start", resume: order, heading_deg: order && $("compass").value !== "" ? Number($("compass").value) : null }); }, 2050);
+    since = performance.now();
+    timer = setInterval(() => {
+      if (letGoUnheard(button)) return release();
+      if (performance.now() - since < HOLD_MS) return;
+      clearInterval(timer);
+      timer = 0;
+      button.classList.remove("down");
+      ask({ do: "start", resume: order, heading_deg: order && $("compass").value !== "" ? Number($("compass").value) : null });
+    }, HOLD_TICK_MS);
   };
-  const end = () => {
-    if (!timer) return;
-    clearTimeout(timer);
+  const release = () => {
+    if (!timer) return false;
+    clearInterval(timer);
     timer = 0;
     button.classList.remove("down");
     ask({ do: "let_go" });
-    notice(t("harvest.hold_longer"));
+    return true;
   };
+  const end = () => { if (release()) notice(t("harvest.hold_longer")); };
+  window.addEventListener("stopped", release);
   button.addEventListener("pointerdown", begin);
-  for (const kind of ["pointerup", "pointerleave", "pointercancel", "blur"]) button.addEventListener(kind, end);
+  for (const kind of FINGER_GOES) button.addEventListener(kind, end);
   button.addEventListener("keydown", (event) => { if ((event.key === " " || event.key === "Enter") && !event.repeat) begin(event); });
   button.addEventListener("keyup", end);
   button.addEventListener("contextmenu", (event) => event.preventDefault());
@@ -356,20 +452,23 @@ hold("resume", true);
 for (const key of document.querySelectorAll("#jog-keys button")) {
   const [speed, steer] = key.dataset.jog.split(",").map(Number);
   let timer = 0;
-  const begin = (event) => { event.preventDefault(); if (timer || key.disabled) return; ask({ do: "jog", speed, steer_deg: steer }); timer = setInterval(() => ask({ do: "jog", speed, steer_deg: steer }), 150); };
+  const begin = (event) => { event.preventDefault(); if (timer || key.disabled) return; ask({ do: "jog", speed, steer_deg: steer }); timer = setInterval(() => (letGoUnheard(key) ? end() : ask({ do: "jog", speed, steer_deg: steer })), 150); };
   const end = () => { if (!timer) return; clearInterval(timer); timer = 0; ask({ do: "jog", speed: 0, steer_deg: steer }); };
   key.addEventListener("pointerdown", begin);
   window.addEventListener("stopped", () => { clearInterval(timer); timer = 0; });
-  for (const kind of ["pointerup", "pointerleave", "pointercancel", "blur"]) key.addEventListener(kind, end);
+  for (const kind of FINGER_GOES) key.addEventListener(kind, end);
   key.addEventListener("keydown", (event) => { if (event.key === " " || event.key === "Enter") begin(event); });
   key.addEventListener("keyup", end);
 }
 
 $("pair-form").addEventListener("submit", async (event) => {
   event.preventDefault();
-  const answer = await fetch("pair", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ code: $("pair-code").value }) });
-  const found = await answer.json();
-  if (found.paired) { world.paired = true; $("pair-said").textContent = ""; socket?.close(); open(tab); }
+  let found;
+  try {
+    const answer = await fetch("pair", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ code: $("pair-code").value }) });
+    found = await answer.json();
+  } catch { $("pair-said").textContent = t("why.no_laptop"); return; }
+  if (found.paired) { world.paired = true; $("pair-said").textContent = ""; retry = 300; lose(); open(tab); }
   else $("pair-said").textContent = found.wait_s ? t("pair.wait", { seconds: found.wait_s }) : t("pair.wrong");
 });
 
@@ -382,12 +481,19 @@ const bars = new ResizeObserver(() => {
 for (const bar of ["header", "footer"]) bars.observe(document.querySelector(bar));
 
 document.addEventListener("pointerdown", sound.wake, { once: true });
-document.addEventListener("visibilitychange", () => { if (!document.hidden) show(); });
+// Who looks at the page again, or is on the network again, does not wait for the next try.
+function wake() {
+  if (!document.hidden && !socket) { retry = 300; connect(); }
+  show();
+}
+document.addEventListener("visibilitychange", wake);
+window.addEventListener("online", wake);
 
 // ---- begin --------------------------------------------------------------------------------------
 
 export async function speak(code) {
-  await load(code);
+  // On a flaky network the texts may take more than one try.
+  while (!await load(code)) await new Promise((done) => setTimeout(done, 1000));
   document.title = t("title");
   $("stop").setAttribute("aria-label", t("stop.label"));
   $("tabs").setAttribute("aria-label", t("tabs"));
@@ -408,7 +514,8 @@ export async function speak(code) {
   }));
   runs.languages(LANGUAGES, language, speak);
   for (const one of ["facts", "faults"]) delete $(one).dataset.shown;
-  if (world.check) check.hear(world.check);
+  check.speak();
+  tune.speak();
   if (world.field) field.hear(world.field);
   open(tab);
 }

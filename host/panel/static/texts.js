@@ -4,9 +4,9 @@ let patterns = null;     // sentences with places to fill: [expression, key]
 export let language = "en";
 export const LANGUAGES = ["en", "ur"];
 
+// Whether they came.
 export async function load(code) {
-  const answer = await fetch(`texts/${code}.json`);
-  texts = await answer.json();
+  try { texts = await (await fetch(`texts/${code}.json`)).json(); } catch { return false; }
   patterns = null;
   language = code;
   document.documentElement.lang = code;
@@ -14,6 +14,7 @@ export async function load(code) {
   try { localStorage.setItem("language", code); } catch { /* private browsing */ }
   for (const one of document.querySelectorAll("[data-t]")) one.textContent = t(one.dataset.t);
   for (const one of document.querySelectorAll("[data-label]")) one.setAttribute("aria-label", t(one.dataset.label));
+  return true;
 }
 
 export const has = (key) => key in texts;

@@ -5,6 +5,7 @@ const $ = (id) => document.getElementById(id);
 let ask = () => {};
 let params = null;
 let begun = false;
+let sliders = [];
 let timer = 0;
 let pid = null;
 
@@ -16,22 +17,30 @@ export function bind(asker) {
   $("pid-go").addEventListener("click", () => { ask({ do: "take" }); ask({ do: "pid" }); });
 }
 
-export function begin() { if (!begun) { begun = true; ask({ do: "take" }); ask({ do: "colour_begin" }); } }
-
 export function hear(message) {
   if (message.error) { say(said(message.error)); return; }
-  if (message.sliders) make(message.sliders);
-  if (message.params) { params = message.params; for (const one of document.querySelectorAll("#sliders input")) { one.value = params[one.name]; label(one); } }
+  if (message.sliders) { sliders = message.sliders; make(); }
+  if (message.params) { params = message.params; set(); }
   if (message.image) { $("colour-picture").src = message.image; $("colour-picture").alt = t("tune.picture"); }
   if (message.saved) say(t("tune.saved"));
   else if (message.confidence != null) say(t("tune.confidence", { confidence: message.confidence }));
   else if (message.contrast != null) say(t("tune.contrast", { contrast: message.contrast }));
 }
 
+function set() { for (const one of document.querySelectorAll("#sliders input")) { one.value = params[one.name]; label(one); } }
+
+// In another language.
+export function speak() {
+  make();
+  if (params) set();
+  say("");
+  draw();
+}
+
 function say(text) { $("colour-said").textContent = text; }
 function label(input) { input.previousElementSibling.lastElementChild.textContent = input.value; }
 
-function make(sliders) {
+function make() {
   $("sliders").replaceChildren(...sliders.flatMap((slider) => {
     const input = document.createElement("input");
     Object.assign(input, { type: "range", name: slider.name, id: `slider-${slider.name}`, min: slider.min, max: slider.max, step: slider.step });
@@ -82,6 +91,8 @@ function draw() {
 
 export function show(world) {
   const mine = !world.now?.driven || world.now.driver;
+  // Who only looks takes the wheel from nobody.
+  if (!begun && world.now?.driver) begun = ask({ do: "colour_begin" });
   const idle = world.now?.mode === "idle";
   for (const id of ["colour-look", "colour-best", "colour-save"]) $(id).disabled = !mine || !idle;
   $("pid-go").disabled = !mine || !idle || Boolean(world.now?.link.problem);

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -158,3 +159,81 @@ def test_what_stands_in_the_field_stays_said_until_a_keep_out_lies_around_it(
     assert "'well'" not in found.boundary.not_kept_out
     found.do({"do": "keep_out", "ring": [(3.5, 3.5), (4.5, 3.5), (4.5, 4.5), (3.5, 4.5)]})
     assert found.boundary.not_kept_out == ""
+
+
+NO_NUMBERS = (math.inf, -math.inf, math.nan, 10**400, -1, 4, None, [1], "x")
+
+
+@pytest.mark.parametrize("number", NO_NUMBERS, ids=lambda one: str(one)[:8])
+@pytest.mark.parametrize("what", ["corner", "gap", "move_corner", "add_corner", "drop_corner"])
+def test_what_is_no_number_changes_nothing_and_is_said(
+    tmp_path: Path, what: str, number: object
+) -> None:
+    found = desk(tmp_path, corner=2)
+    wish: dict[str, object] = {"do": what, "index": number, "corner": number, "x": 1.0, "y": 1.0}
+    if what == "gap":
+        number = 101 if number == 4 else number
+        wish["gap_m"] = number
+    found.do(wish)
+    assert found.problem
+    assert found.corner == 2
+    assert found.gap_m == 2.0
+    assert corners(tmp_path) == close(PLACES)
+
+
+def test_a_keep_out_that_reaches_to_infinity_is_none(tmp_path: Path) -> None:
+    found = desk(tmp_path)
+    for far in (math.inf, 10**400):
+        found.do({"do": "keep_out", "ring": [[1, 1], [far, 2], [3, 3]]})
+        assert found.problem
+    assert found.boundary is not None
+    assert len(found.boundary.keep_outs) == 1
+
+
+def test_a_file_that_cannot_be_read_leaves_the_field_that_was_chosen(tmp_path: Path) -> None:
+    """Otherwise the page shows the old corners under the new name, and a change is saved there."""
+    found = desk(tmp_path)
+    for name, content in (("half.geojson", b'{"type":'), ("odd \u202e<b>.geojson", b"\xff\xfe")):
+        (tmp_path / name).write_bytes(content)
+        found.do({"do": "open", "name": name})
+        assert f"the field {name} cannot be read" in found.problem
+        assert found.name == "field.geojson"
+        assert found.path == tmp_path / "field.geojson"
+
+
+def test_a_panel_starts_without_the_field_whose_file_is_spoiled(tmp_path: Path) -> None:
+    """A laptop whose battery ended while it wrote."""
+    desk(tmp_path)
+    (tmp_path / "field.geojson").write_text('{"type":')
+    found = FieldDesk(tmp_path, Vehicle(), None, None)
+    assert found.name is None
+    assert found.boundary is None
+    assert "the field field.geojson cannot be read" in found.about(None)["problem"]
+
+
+def test_a_keep_out_marked_on_the_page_outlives_the_same_command(tmp_path: Path) -> None:
+    """`daranti panel --boundary FIELD` again: what stands in the field still stands there."""
+    folder, given = tmp_path / "panel", tmp_path / "given.geojson"
+    folder.mkdir()
+    around = tuple(FRAME.to_wgs84(*place) for place in PLACES)
+    save_field(given, Boundary(around, name="given"))
+    ring = [list(place) for place in HOLE]
+    first = kept_desk(folder, given)
+    first.do({"do": "keep_out", "ring": ring})
+    assert first.problem == ""
+    again = kept_desk(folder, given)
+    assert again.boundary is not None
+    assert len(again.boundary.keep_outs) == 1
+    # Another survey of the field is another field.
+    save_field(given, Boundary(around[:3], name="given"))
+    other = kept_desk(folder, given)
+    assert other.boundary is not None
+    assert len(other.boundary.crop) == 3
+    assert other.boundary.keep_outs == ()
+
+
+def kept_desk(folder: Path, given: Path) -> FieldDesk:
+    """As the command makes it; a plan, which is left out here, keeps what was chosen."""
+    found = FieldDesk(folder, Vehicle(), given, 2.0)
+    found._keep()
+    return found

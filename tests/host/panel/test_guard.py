@@ -120,3 +120,18 @@ def test_one_page_drives_until_it_leaves_or_falls_silent() -> None:
     assert seat.holder == "b"
     seat.leave("b")
     assert seat.take("a")
+
+
+def test_a_driver_that_sleeps_holds_the_seat_against_nobody() -> None:
+    """Its socket may stay open for long: a phone that is locked, a link that is lost."""
+    clock = Clock()
+    seat = Seat(clock)
+    assert not seat.taken
+    seat.take("a")
+    assert seat.taken
+    clock.now += AWAY_S - 0.1
+    assert seat.taken
+    clock.now += 0.2
+    assert not seat.taken
+    assert seat.hear("a")
+    assert seat.taken, "nobody has taken it meanwhile"

@@ -13,6 +13,7 @@ import pytest
 from host.check.lines import NAMES
 from host.core.errors import UserError
 from host.core.frames import LocalFrame
+from host.core.messages import State
 from host.core.vehicle import Vehicle
 from host.field.boundary_file import Boundary, save_field
 from host.link import protocol
@@ -20,6 +21,7 @@ from host.link.session import Link
 from host.panel.fields import FieldDesk
 from host.panel.snapshot import code_of, reasons
 from host.panel.texts import LANGUAGES, text, texts
+from host.pilot.phase import Phase
 from host.sensors.camera_stream import camera_feed
 from tests.helpers.fake_firmware import FakeFirmware
 
@@ -31,11 +33,19 @@ SAME_IN_ALL = 12
 """Texts of figures and signs only."""
 
 
+ROOMS = {key.split(".")[0] for key in texts(LANGUAGES[0]) if "." in key}
+"""What the names of texts begin with."""
+
+
 def keys_used() -> set[str]:
     """By the page's scripts and by the page, where they are written out whole."""
     found: set[str] = set()
     for file in STATIC.glob("*.js"):
-        found |= set(re.findall(r'\bt\(\s*"([\w.]+)"', file.read_text(encoding="utf-8")))
+        source = file.read_text(encoding="utf-8")
+        found |= set(re.findall(r'\bt\(\s*"([\w.]+)"', source))
+        # One of two, as in t(now ? "a.b" : "a.c"): what looks like a text's name is one.
+        dotted = set(re.findall(r'"([a-z_]+(?:\.\w+)+)"', source))
+        found |= {name for name in dotted if name.split(".")[0] in ROOMS}
     page = (STATIC / "index.html").read_text(encoding="utf-8")
     return found | set(re.findall(r'data-(?:t|label)="([\w.]+)"', page))
 
@@ -48,6 +58,11 @@ def test_what_the_page_says_is_there(language: str) -> None:
         assert {f"fault.{bit.name}", f"remedy.{bit.name}"} <= set(known)
     for name in NAMES:
         assert {f"line.{name}", f"expected.{name}"} <= set(known)
+    refused = re.findall(r'"refused", "what": "(\w+)"', read(HOST / "panel" / "server.py"))
+    assert len(refused) > 6
+    assert {f"refused.{what}" for what in refused} <= set(known)
+    assert {f"board.{state.name}" for state in State} <= set(known)
+    assert {f"phase.{phase.value}" for phase in Phase} <= set(known)
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

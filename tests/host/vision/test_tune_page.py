@@ -5,11 +5,13 @@ from __future__ import annotations
 import base64
 import datetime
 import json
+import socket
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import cv2
 import numpy as np
@@ -17,6 +19,7 @@ import pytest
 
 from host.core.errors import UserError
 from host.core.vehicle import LOW, Vehicle
+from host.panel.body import BODY_BYTES
 from host.panel.colour_page import SLIDERS, Tuner, colour_application
 from host.panel.serving import serve_application
 from host.vision.mounted.detector import MountedDetector, make_detector
@@ -137,3 +140,25 @@ def test_foreign_hosts_and_origins_are_refused(page: str) -> None:
     for headers in ({"Host": "evil.example"}, {"Origin": "http://evil.example"}):
         with pytest.raises(urllib.error.HTTPError, match="421"):
             urllib.request.urlopen(urllib.request.Request(page + "begin", headers=headers))
+
+
+def test_a_body_is_as_long_as_what_comes_of_it(page: str) -> None:
+    """Chunks need no length in the head, or may belie it."""
+    where = urlsplit(page)
+    assert where.hostname is not None
+    for length in ("", "Content-Length: 5\r\n"):
+        head = f"POST /save HTTP/1.1\r\nHost: {where.netloc}\r\nOrigin: http://{where.netloc}\r\n"
+        head += f"Content-Type: application/json\r\nTransfer-Encoding: chunked\r\n{length}\r\n"
+        chunk = f"{BODY_BYTES:x}\r\n".encode() + b" " * BODY_BYTES + b"\r\n"
+        with socket.create_connection((where.hostname, where.port or 80), timeout=30) as line:
+            line.sendall(head.encode() + chunk + chunk)  # and no end
+            answer = line.recv(4096)
+        assert answer.startswith((b"HTTP/1.1 413", b"HTTP/1.1 400")), answer
+
+
+def test_brackets_without_end_are_no_parameters(page: str) -> None:
+    for text in (b"[" * 9000, b'{"a":' * 1800, b""):
+        request = urllib.request.Request(page + "save", text, {"Content-Type": "application/json"})
+        request.add_header("Origin", page.rstrip("/"))
+        with pytest.raises(urllib.error.HTTPError, match="400"):
+            urllib.request.urlopen(request)
