@@ -118,6 +118,7 @@ def test_exact_is_the_truth() -> None:
         assert (told.gap_m, told.corner) == (world.field.gap_m, world.start.corner)
         assert vehicle.blade_x_m == pytest.approx(machine.blade_x_m)
         assert vehicle.half_width_m == machine.half_width_m
+        assert vehicle.hall_left_m == machine.drive.hall_left_m
         assert vehicle.crop_height_m == world.field.crop_height_m
         assert told.mount.focal == pytest.approx(world.lens.focal_px)
         assert told.mount.distortion[:2] == (world.lens.k1, world.lens.k2)
@@ -139,6 +140,7 @@ def test_what_is_drawn_lies_within_what_tape_and_level_leave_and_is_the_same_aga
         assert scenario.told == told
         v, m = told.vehicle, world.machine
         assert abs(v.wheelbase_m - m.wheelbase_m) <= bounds.tape_m
+        assert 0.0 < abs(v.hall_left_m - m.drive.hall_left_m) <= bounds.tape_m
         assert abs(told.mount.pitch_deg - world.lens.pitch_deg) <= bounds.mount_deg
         assert abs(told.mount.z_m - world.lens.z_m) <= bounds.mount_m
         assert abs(told.gap_m - world.field.gap_m) <= bounds.gap_m
