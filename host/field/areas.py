@@ -44,6 +44,14 @@ class Areas:
     """Field and gap up to the neighbour's crop less a margin; None where the gap is not known."""
     keep_outs: tuple[shapely.Polygon, ...] = ()
     """With their margin."""
+    inset_m: float = 0.0
+    """Of the crop, from the field's edge."""
+
+    @property
+    def begins(self) -> shapely.Polygon:
+        """What the first round goes around: the field as walked, corner by corner; with an inset,
+        the crop."""
+        return shapely.Polygon((self.crop if self.inset_m > 0.0 else self.field).exterior)
 
     @property
     def price(self) -> float:
@@ -103,7 +111,7 @@ def areas_of(
     permitted = None
     if gap_m is not None:
         permitted = shapely.Polygon(outline.buffer(gap_m - margin_m, join_style="mitre").exterior)
-    return Areas(field, crop, permitted, grown)
+    return Areas(field, crop, permitted, grown, inset_m)
 
 
 def outline_of(vehicle: Vehicle) -> NDArray[np.float64]:
