@@ -80,9 +80,10 @@ class CameraSpec(Strict):
     jpeg_quality: Annotated[int, Limits(ge=1, le=100)] = 80
     delay_s: NotNegative = 0.1
     """From the shutter to the host, in the mean: exposure, file, network."""
-    jitter_s: NotNegative = 0.0
-    """Standard deviation of that, s: a Wi-Fi that is shared, a phone that does other things."""
-    stall_share: Share = 0.0
+    jitter_s: NotNegative = 0.02
+    """Standard deviation of that, s: a Wi-Fi that is shared, a phone that does other things. An
+    estimate; a recorded drive's arrivals would tell."""
+    stall_share: Share = 0.01
     """Of the pictures, that lose a segment on the way: they come `network.STALL_S` later, and what
     is behind them at once with them."""
     disturbance: DisturbanceSpec = DisturbanceSpec()
