@@ -79,7 +79,13 @@ class CameraSpec(Strict):
     """Draws the reaper's header where it is in view."""
     jpeg_quality: Annotated[int, Limits(ge=1, le=100)] = 80
     delay_s: NotNegative = 0.1
-    """From the shutter to the host: exposure, file, network."""
+    """From the shutter to the host, in the mean: exposure, file, network."""
+    jitter_s: NotNegative = 0.02
+    """Standard deviation of that, s: a Wi-Fi that is shared, a phone that does other things. An
+    estimate; a recorded drive's arrivals would tell."""
+    stall_share: Share = 0.01
+    """Of the pictures, that lose a segment on the way: they come `network.STALL_S` later, and what
+    is behind them at once with them."""
     disturbance: DisturbanceSpec = DisturbanceSpec()
     """What is wrong with it."""
 

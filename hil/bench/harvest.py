@@ -35,6 +35,7 @@ from host.sensors.jpeg import NOTHING, Bgr
 from host.sensors.nmea import Receiver
 from host.vision.view import Detector
 from sim_plant.gyro import sensors_json
+from sim_plant.network import Stream
 
 HOST_HZ = 20
 """Times are whole ticks over this rate, not multiples of a period, so that the nanoseconds of a
@@ -131,13 +132,12 @@ class Harvest:
         self._fix: Fix | None = None
         self._darkroom = darkroom or ThreadPoolExecutor(1)
         self._videos = ThreadPoolExecutor(1)
-        self._due: deque[tuple[float, float, Picture]] = deque()
+        self._due: deque[tuple[float, Picture]] = deque()
+        """(when it arrives, the picture), in order."""
         self._video: pictures.Video | None = None
         self._video_work: deque[Future[None]] = deque()
         lens = self.bench.world.lens
-        self._delay_s = lens.delay_s
-        self._late_s = lens.delay_s - self._told.vehicle.camera_delay_s
-        """How much later than a picture's shutter the host believes that to have been."""
+        self._stream = Stream(lens, self.bench.world.seed)
         self._frame_ticks = max(1, round(HOST_HZ / lens.fps))
         if video is not None and self.eyes.takes_pictures:
             fps = lens.fps / VIDEO_EVERY * 4
@@ -215,7 +215,7 @@ class Harvest:
                 if self.eyes.takes_pictures
                 else _Developed(self.eyes.develop(shot))
             )
-            self._due.append((now + self._delay_s - 1e-9, now, work))
+            self._due.append((self._stream.arrives_s(now), work))
         if tick % FIX_TICKS == 0:
             data = "".join(line.rstrip("\r\n") + "\r\n" for line in self.bench.fix()).encode()
             self._fix = next(reversed(self._receiver.feed(now, data)), self._fix)
@@ -241,10 +241,14 @@ class Harvest:
         """Takes what the camera sends now; the newest waits for the host."""
         arrived: tuple[float, bytes] | None = None
         decoded = NOTHING
-        if self._due and self._due[0][0] <= now:
-            _, stamp, work = self._due.popleft()
+        work: Picture | None = None
+        at = now
+        while self._due and self._due[0][0] <= now + 1e-9:
+            at, work = self._due.popleft()
+        if work is not None:
             jpeg, decoded = work.result()
-            arrived = (_whole_ns(max(0.0, stamp + self._late_s)), jpeg)
+            # The host knows when it came, and how long pictures usually take.
+            arrived = (_whole_ns(max(0.0, at - self._told.vehicle.camera_delay_s)), jpeg)
         got = self.bench.faults.camera(now, arrived)
         if got is None:
             return

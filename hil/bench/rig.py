@@ -29,6 +29,7 @@ from host.core.whole_file import save_text
 from host.pilot.phase import Phase
 from sim_plant.camera import Camera, Shot
 from sim_plant.field_spec import FieldSpec
+from sim_plant.network import Stream
 from sim_plant.phone import Phone
 
 SLICE_S: Final = SLICE_US * 1e-6
@@ -111,7 +112,8 @@ class Rig:
         """(when it is due, its shutter in simulated time, the picture in the making)."""
         fps = bench.world.lens.fps
         self._picture_slices = max(1, round(1 / fps / SLICE_S))
-        self._delay = bench.world.lens.delay_s / factor
+        self._factor = factor
+        self._stream = Stream(bench.world.lens, bench.world.seed)
 
     def run(self, duration_s: float | None = None) -> None:
         """Until `duration_s` of simulated time have passed, or for ever."""
@@ -165,7 +167,9 @@ class Rig:
             self.deadlines.pictures_skipped += 1
             return
         work = self._pool.submit(develop, self.bench.camera, self.bench.shutter())
-        self._pictures.append((now + self._delay, self.bench.now, work))
+        shutter = self.bench.now
+        late = (self._stream.arrives_s(shutter) - shutter) / self._factor
+        self._pictures.append((now + late, shutter, work))
 
     def close(self) -> None:
         """Ends the picture worker."""

@@ -10,6 +10,7 @@ from typing import Any, TextIO, cast
 
 import click
 
+from hil.bench.alone import alone
 from hil.bench.lockstep import Bench
 from hil.bench.ports import NETWORK
 from hil.bench.rig import Rig
@@ -85,9 +86,9 @@ def rig(
     check_folder(out)
     if board is None:
         check_built(chosen.firmware)
-    typed = TypedFaults(sys.stdin, echo)
     ways = Ways(link, tcp, rfc2217, http_port, nmea_port, host)
-    with _watch(duration) as watch:
+    with alone(out, "rig"), _watch(duration) as watch:
+        typed = TypedFaults(sys.stdin, echo)
 
         def tend(bench: Bench) -> None:
             typed.poll(bench.now, bench.faults, board is not None)
@@ -98,8 +99,9 @@ def rig(
             echo(f"faults may be typed here while it runs: {USAGE}")
             with contextlib.suppress(KeyboardInterrupt):  # the way to end it
                 found.machine.run(duration)
-    # A port that is open and silent is another fault than one that is gone: the map takes a second.
-    _report(found.machine, out)
+        # A port that is open and silent is another fault than one that is gone: the map takes a
+        # second.
+        _report(found.machine, out)
 
 
 def _watch(duration: float | None) -> Watch:

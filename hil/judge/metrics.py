@@ -23,6 +23,11 @@ OVERLAP_M = 0.08
 """How far outside the crop's edge the blade's right end is to run, so that no sliver stays."""
 PROBE_AHEAD_M = 0.1
 """The true edge is read this far before the blade, where the crop still stands."""
+GOES_ON_M = 0.2
+"""Only an edge that goes on so much farther is one that the blade's end has to keep to. At the
+field's end the crop's last row is ragged (`FieldSpec.edge_wobble_m`, some centimetres), and what
+stands beside the blade's end there is that row's border: a machine on its lane seemed to be 0.27 m
+off the edge."""
 FALSE_END_M = 0.5
 """An end was none where the field's crop still stands this far beyond it,"""
 FALSE_END_SHARE = 0.1
@@ -122,7 +127,7 @@ class Truth:
             self.put_outside_m = self.outside_m
         if pilot.phase is Phase.FOLLOW and cut_cells:
             offset = self.edge_offset(pose)
-            if math.isfinite(offset):
+            if math.isfinite(offset) and math.isfinite(self.edge_offset(pose, GOES_ON_M)):
                 self.lateral.append(offset - OVERLAP_M)
         while self._ends_seen < len(pilot.ends):
             self._end(pilot.ends[self._ends_seen])
@@ -138,12 +143,12 @@ class Truth:
         for keep_out in self._keep_outs:
             self.keep_out_m = max(self.keep_out_m, depth_m(outline, keep_out))
 
-    def edge_offset(self, pose: tuple[float, float, float]) -> float:
-        """How far the true edge lies left of the blade's right end (the overlap, when on the lane);
-        NaN where there is none."""
+    def edge_offset(self, pose: tuple[float, float, float], farther_m: float = 0.0) -> float:
+        """How far the true edge lies left of the blade's right end (the overlap, when on the lane),
+        or of where that will be `farther_m` straight on; NaN where there is none."""
         x, y, yaw = pose
         v = self.world.machine
-        ahead, right = v.blade_x_m + PROBE_AHEAD_M, -v.blade_width_m / 2
+        ahead, right = v.blade_x_m + PROBE_AHEAD_M + farther_m, -v.blade_width_m / 2
         bx = x + ahead * math.cos(yaw) - right * math.sin(yaw)
         by = y + ahead * math.sin(yaw) + right * math.cos(yaw)
         return self.crop.true_edge_offset(bx, by, yaw, 0.6)

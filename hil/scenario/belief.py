@@ -329,10 +329,12 @@ def measured_vehicle(world: World, camera: str, errors: Errors, draw: Draw) -> V
     )
     values = {name: getattr(m, name) + draw(name, errors.tape_m) for name in lengths}
     hall = m.drive.hall_pulses_per_m * (1 + draw("hall", errors.hall))
+    left = m.drive.hall_left_m
     drive = drive_response(m)
     base = Vehicle(
         **values,
         hall_pulses_per_m=hall,
+        hall_left_m=left and left + draw("hall left", errors.tape_m),
         full_duty_speed_mps=drive.full_mps * (1 + draw("drive", errors.drive)),
         dead_duty=max(0.0, drive.dead + draw("dead", errors.dead_duty)),
         drive_lag_s=drive.lag_s * (1 + draw("lag", errors.drive_lag)),
@@ -543,6 +545,7 @@ def wrong_by(told: Told, world: World) -> dict[str, float]:
         "focal_percent": 100 * (mount.focal / lens.focal_px - 1),
         "camera_delay_s": v.camera_delay_s - lens.delay_s,
         "wheelbase_m": v.wheelbase_m - m.wheelbase_m,
+        "wheel_sensor_m": v.hall_left_m - m.drive.hall_left_m,
         "hall_percent": 100 * (v.hall_pulses_per_m / hall - 1) if hall > 0 else 0.0,
         "full_speed_percent": 100 * (v.full_duty_speed_mps / drive.full_mps - 1),
         "dead_duty_percent": 100 * (v.dead_duty - drive.dead),

@@ -32,6 +32,10 @@ BLADE_AT: Final = (0.82, 0.95)
 border" (docs/build/README.md)."""
 
 
+WHEEL_IN_M: Final = (0.03, 0.08)
+"""From a wheel's outside to the middle of its tread, m."""
+
+
 def drawn_machine(seed: int) -> MachineSpec:
     """The machine of a seed: a tricycle whose blade is wider than its wheels."""
     lengths, within = Drawn(seed, 0x6E0), Drawn(seed, 0x3AC8).within
@@ -61,7 +65,7 @@ def drawn_machine(seed: int) -> MachineSpec:
         hall_pulses_per_m=within(20.0, 100.0),
     )
     battery = BatterySpec(full_v=within(12.4, 12.8), r_ohm=within(0.02, 0.05))
-    return MachineSpec(
+    machine = MachineSpec(
         wheelbase_m=lengths.within(0.85, 1.2),
         half_width_m=round(blade_m / 2 - lengths.within(0.05, 0.15), 3),
         rear_overhang_m=lengths.within(0.15, 0.35),
@@ -75,6 +79,16 @@ def drawn_machine(seed: int) -> MachineSpec:
         drive=drive,
         battery=battery,
     )
+    counted = {"hall_left_m": _counted_left_m(seed, machine.half_width_m)}
+    return machine.model_copy(update={"drive": drive.model_copy(update=counted)})
+
+
+def _counted_left_m(seed: int, half_width_m: float) -> float:
+    """Where the sensor's magnets sit: on the left wheel, on the right one, or on the axle before a
+    differential (docs/build/README.md, "Parts")."""
+    kit = Drawn(seed, 0x3E1)
+    tread_m = round(half_width_m - kit.within(*WHEEL_IN_M), 3)
+    return float(kit.rng.choice((tread_m, -tread_m, 0.0)))
 
 
 def drawn_lens(seed: int, camera: str, machine: MachineSpec) -> dict[str, Any]:

@@ -234,7 +234,11 @@ def random_field(seed: int) -> Scenario:
         field=field,
         machine=machine,
         weather=weather,
-        lens={"delay_s": kit.within(0.05, 0.25), **drawn_lens(seed, camera, machine)},
+        lens={
+            "delay_s": kit.within(0.05, 0.25),
+            **drawn_lens(seed, camera, machine),
+            **_drawn_network(seed),
+        },
         gnss=GnssSpec(
             cep_m=drawn.within(0.5, 2.5),
             antenna_x_m=kit.within(-0.2, 0.5),
@@ -250,3 +254,10 @@ def random_field(seed: int) -> Scenario:
             heading_error_deg=drawn.within(-2, 2),
         ),
     )
+
+
+def _drawn_network(seed: int) -> dict[str, float]:
+    """How evenly a phone's pictures come, for `Scenario.lens`: from a phone beside the laptop to
+    one on a mast whose Wi-Fi others share."""
+    within = Drawn(seed, 0x31F1).within
+    return {"jitter_s": within(0.0, 0.05), "stall_share": within(0.0, 0.03)}

@@ -86,6 +86,12 @@ def hall_of(pulses_per_m: float) -> dict[str, Any]:
     return {"machine": {"drive": {"hall_pulses_per_m": pulses_per_m}}, "belief": SAID}
 
 
+def hall_at(left_m: float, said_m: float) -> dict[str, Any]:
+    """The wheel with the sensor runs there, and was said to run elsewhere."""
+    place = {"drive": {"hall_left_m": left_m}}
+    return {"machine": place, "belief": {"vehicle": {"hall_left_m": said_m}}}
+
+
 def pot_of(degrees: float) -> dict[str, Any]:
     off = {"steering": {"pot_centre_counts": 512.0 + COUNTS_PER_DEG * degrees}}
     return {"machine": off, "belief": SAID}
@@ -180,6 +186,8 @@ CASES: Final[Mapping[str, dict[str, Any]]] = {
     "hall loses three tenths": hall_of(35.0),
     "hall loses half": hall_of(25.0),
     "hall doubled": hall_of(100.0),
+    "hall on the other wheel": hall_at(-0.35, 0.35),
+    "hall's place 5 cm": hall_at(0.35, 0.3),
     "pot 4 deg": pot_of(4.0),
     "pot's scale 10 % more": pot_scaled_by(1.1),
     "pot's scale 10 % less": pot_scaled_by(0.9),

@@ -8,7 +8,6 @@ system. Every worker runs one run at a time in one thread.
 
 from __future__ import annotations
 
-import fcntl
 import gc
 import hashlib
 import itertools
@@ -18,7 +17,7 @@ import shutil
 import tempfile
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -29,6 +28,7 @@ import pandas as pd
 import yaml
 
 from hil.bench import harvest
+from hil.bench.alone import alone
 from hil.bench.model_eyes import LIBRARY
 from hil.judge.causes import circumstances, disagreements
 from hil.scenario.random_fields import random_field
@@ -153,25 +153,11 @@ def run_campaign(
     OUT/campaign.json up to date."""
     runs = out / "runs"
     runs.mkdir(parents=True, exist_ok=True)
-    with _alone(out) if scheduler is None else nullcontext():
-        if scheduler is None:  # what a killed campaign left half done
+    with alone(out, "campaign") if scheduler is None else nullcontext():
+        if scheduler is None:  # what a killed campaign left half done, and no other one's
             for rest in runs.glob(".*"):
                 shutil.rmtree(rest, ignore_errors=True)
         return _run(jobs, out, workers, scheduler, progress)
-
-
-@contextmanager
-def _alone(out: Path) -> Iterator[None]:
-    """UserError where another campaign of this machine runs into OUT: its half done runs are no
-    leftovers. The lock ends with the process, however that ends."""
-    with (out / ".running").open("w", encoding="utf-8") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise UserError(
-                f"another campaign is writing to {out}; wait for its end, or give another --out"
-            ) from error
-        yield
 
 
 def _run(

@@ -95,6 +95,9 @@ class Vehicle(Strict):
     hall_pulses_per_m: Annotated[float, Field(ge=0, le=500)] = 50.0
     """Of the drive wheels' hall sensor (paper, II: "the accuracy of the motors can be increased by
     using hall sensors"); 0: none fitted, the speed is a model of the duty then."""
+    hall_left_m: Near = 0.35
+    """How far left of the machine's middle the wheel runs that carries the sensor's magnets, to the
+    middle of its tread; 0: they turn with the axle, before a differential."""
     drive_lag_s: Annotated[float, Field(gt=0, le=10)] = 0.25
     """First-order lag from drive duty to speed."""
     crop_height_m: Annotated[float, Field(gt=0, le=5)] = 0.9
@@ -121,6 +124,14 @@ class Vehicle(Strict):
                 f"half_width_m {self.half_width_m:g} is more than half of blade_width_m "
                 f"{self.blade_width_m:g}: the wheels would roll crop down. It is measured from the "
                 "machine's middle to the outside of its wheels"
+            )
+        if abs(self.hall_left_m) > self.half_width_m:
+            raise ValueError(
+                f"hall_left_m {self.hall_left_m:g} lies outside of half_width_m "
+                f"{self.half_width_m:g}: no wheel runs there. It is measured from the machine's "
+                "middle to the middle of the tread of the wheel with the sensor, positive to the "
+                "left, negative to the right; 0 where the sensor counts the axle before a "
+                "differential"
             )
         if self.blade_x_m <= 0:
             raise ValueError(

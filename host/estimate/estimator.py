@@ -23,6 +23,7 @@ from host.estimate.position import Position
 from host.estimate.speed_watch import SpeedWatch
 from host.estimate.steady_speed import SteadySpeed
 from host.estimate.swaths import Swaths
+from host.estimate.wheel_sensor import WheelSensor
 from host.route.plan import Plan
 
 DOPPLER_GAP_S = 2.0
@@ -34,6 +35,7 @@ class Estimator:
 
     def __init__(self, vehicle: Vehicle, plan: Plan) -> None:
         self.odometry = Odometry(vehicle)
+        self.wheel = WheelSensor(vehicle)
         self.position = Position(vehicle, plan.boundary, plan.sigma_m, plan.recorded)
         self.lane = Lane(self.position, vehicle.blade_x_m)
         self.trails = Trails(vehicle)
@@ -67,6 +69,11 @@ class Estimator:
         for stand in self.odometry.gyroscope.take_rests():
             self.position.take(rest(self.position.x, *stand))
             self._learn()
+
+    def at_the_middle(self, telemetry: Telemetry) -> Telemetry:
+        """New telemetry, as all else here wants it: speed and way are the rear axle's middle's."""
+        curvature_1pm = self.odometry.curvature_1pm(telemetry.angle_rad)
+        return self.wheel.at_the_middle(telemetry, curvature_1pm)
 
     def take_telemetry(self, telemetry: Telemetry) -> None:
         """Moves on."""

@@ -16,6 +16,7 @@ from host.core.vehicle import Vehicle
 from host.estimate.duty_speed import DutySpeed
 from host.estimate.gyroscope import WINDOW_S, Gyroscope, Stand
 from host.estimate.rolling import Rolling
+from host.estimate.wheel_sensor import wheel_share
 
 HISTORY_S = 1.5
 HALL_SIGMA = 0.005
@@ -126,6 +127,10 @@ class Odometry:
         """What the pot's middle may be off besides what the gyroscope has taught of it."""
         self.yaw_gain, self._yaw_gain_sigma = YAW_GAIN_PRIOR
         """True yaw over what the steering angle and the way say, as learned in turns."""
+        self._bends = (0.0, 0.0)
+        """Turned to and fro since it was last learned, rad; and by how much more that would be with
+        a gain of twice as much: by more than itself on the wheel's inner side, for the way that
+        such a wheel has counted is then the longer for the middle."""
         self.now = Motion(-math.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
     @property
@@ -144,6 +149,11 @@ class Odometry:
         """Whether the hall sensor counts faster than the machine can drive."""
         return self._too_fast_s > TOO_FAST_S
 
+    def curvature_1pm(self, angle_rad: float) -> float:
+        """Of the rear axle's middle, positive to the left, where the pot shows that angle."""
+        tangent = math.tan(angle_rad + self.trim_rad)
+        return tangent / self._vehicle.wheelbase_m * self.yaw_gain
+
     def update(self, telemetry: Telemetry) -> Motion:
         """Advances to the telemetry's stamp. Older or repeated telemetry changes nothing."""
         past = self.now
@@ -152,8 +162,7 @@ class Odometry:
             return past
         dt = dt if math.isfinite(dt) else 0.0
         vehicle = self._vehicle
-        curvature = math.tan(telemetry.angle_rad + self.trim_rad) / vehicle.wheelbase_m
-        curvature *= self.yaw_gain
+        curvature = self.curvature_1pm(telemetry.angle_rad)
         middle_1pm = (curvature + past.curvature_1pm) / 2
         if telemetry.speed_mps is not None:
             step = (
@@ -174,6 +183,8 @@ class Odometry:
             self._speed = self._by_duty.advance(telemetry, past.yaw_rad, dt)
             step = (before + self._speed) / 2 * dt
             yaw_step = step * middle_1pm
+        share = wheel_share(vehicle.hall_left_m, middle_1pm)
+        self._bends = self._bends[0] + abs(yaw_step), self._bends[1] + abs(yaw_step) / share
         rolls = self.rolling.off and step != 0.0
         unsure_rad = 2.0 * abs(yaw_step) if rolls else 0.0
         if telemetry.speed_mps is None and telemetry.drive_duty != 0:
@@ -307,10 +318,12 @@ class Odometry:
         """Learns from a turn of which both are known, the reckoned one with the present gain, the
         true one but for sigma_rad by which the corner's angle may be otherwise. What the gyroscope
         tells, the filter learns of."""
+        turned, bent = self._bends
+        self._bends = (0.0, 0.0)
         if self.now.by_gyro:
             return
         noise = TURN_SIGMA_RAD**2 + sigma_rad**2
-        slope = reckoned_rad / self.yaw_gain
+        slope = reckoned_rad / self.yaw_gain * (bent / turned if turned > 0.0 else 1.0)
         variance = (slope * self._yaw_gain_sigma) ** 2 + noise
         blend = slope * self._yaw_gain_sigma**2 / variance
         low, high = YAW_GAIN_LIMITS

@@ -46,6 +46,14 @@ class Areas:
     """Field and gap up to the neighbour's crop less a margin; None where the gap is not known."""
     keep_outs: tuple[shapely.Polygon, ...] = ()
     """With their margin."""
+    inset_m: float = 0.0
+    """Of the crop, from the field's edge."""
+
+    @property
+    def begins(self) -> shapely.Polygon:
+        """What the first round goes around: the field as walked, corner by corner; with an inset,
+        the crop."""
+        return shapely.Polygon((self.crop if self.inset_m > 0.0 else self.field).exterior)
 
     @property
     def price(self) -> float:
@@ -112,7 +120,7 @@ def areas_of(
             left = permitted.difference(shapely.union_all(beyond)).union(outline)
             largest = max(shapely.get_parts(left), key=lambda part: float(part.area))
             permitted = shapely.Polygon(largest.exterior)
-    return Areas(field, crop, permitted, grown)
+    return Areas(field, crop, permitted, grown, inset_m)
 
 
 def _beyond(outline: shapely.Polygon, edge: int, from_m: float, gap_m: float) -> shapely.Polygon:

@@ -165,6 +165,19 @@ class Pilot:
     ) -> Command:
         """One decision. `frame`, `fix` and `turned` are given once each, when new; `telemetry` the
         latest."""
+        return self._context.estimate.wheel.asked_of_the_wheel(
+            self._decide(now, frame, fix, telemetry, turned)
+        )
+
+    def _decide(
+        self,
+        now: float,
+        frame: Frame | None,
+        fix: Fix | None,
+        telemetry: Telemetry | None,
+        turned: Turned | None,
+    ) -> Command:
+        """The same, with the speed that the rear axle's middle is to have."""
         context = self._context
         if turned is not None:
             context.estimate.take_turned(turned)
@@ -211,13 +224,12 @@ class Pilot:
         context = self._context
         if telemetry is None:
             return
-        fresh = context.telemetry is None or telemetry.stamp > context.telemetry.stamp
-        context.telemetry = telemetry
-        if fresh:
-            context.estimate.take_telemetry(telemetry)
+        if context.telemetry is None or telemetry.stamp > context.telemetry.stamp:
+            context.telemetry = context.estimate.at_the_middle(telemetry)
+            context.estimate.take_telemetry(context.telemetry)
         if fix is not None:
             underway = self.phase in (Phase.FOLLOW, Phase.TURN)
-            context.estimate.take_fix(fix, telemetry, underway=underway)
+            context.estimate.take_fix(fix, context.telemetry, underway=underway)
 
     def _see(self, frame: Frame) -> None:
         context = self._context

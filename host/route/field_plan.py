@@ -49,24 +49,21 @@ def plan_of(
     a strip's both ends must be open ground."""
     frame = field.frame
     ring = [frame.to_local(*corner) for corner in field.crop]
+    whole = field.polygon(frame)
+    areas = Areas(whole, whole, None)
     if inset_m > 0.0:
-        areas = areas_of(field.polygon(frame), gap_m, inset_m=inset_m)
-        plan = plan_field(
-            areas,
-            ring[start],
-            vehicle,
-            turn,
-            gap_m,
-            field.known_to_m,
-            inset_m,
-            tell,
-            field.recorded,
-        )
-    else:
-        holes = [[frame.to_local(*corner) for corner in hole] for hole in field.keep_outs]
-        plan = spiral(
-            ring, start, vehicle, turn, gap_m, holes, field.known_to_m, tell, field.recorded
-        )
+        areas = areas_of(whole, gap_m, inset_m=inset_m)
+    plan = plan_field(
+        areas,
+        ring[start],
+        vehicle,
+        turn,
+        gap_m,
+        field.known_to_m,
+        inset_m,
+        tell,
+        field.recorded,
+    )
     first = plan.sides[0]
     begun = _nearest(plan.boundary, (first.x_m, first.y_m))
     if begun != _nearest(plan.boundary, ring[start]):
@@ -99,8 +96,7 @@ def plan_field(
     the next that it can be begun at. sigma_m: how surely its corners are known; `recorded`: what
     was said of how they were made (`host.field.corners.was_recorded`). The ground of the areas'
     inset is the machine's to turn on, as the gap is."""
-    inset = shapely.Polygon(areas.crop.exterior)
-    ring = shapely.geometry.polygon.orient(inset)
+    ring = shapely.geometry.polygon.orient(areas.begins)
     corners = [(float(x), float(y)) for x, y in ring.exterior.coords[:-1]]
     start = _nearest(corners, corner)
     holes = [[(float(x), float(y)) for x, y in k.coords[:-1]] for k in areas.field.interiors]

@@ -112,6 +112,8 @@ class SimpleWorld:
     yaw_gain: float = 1.0
     """Of what the steering angle says, how much the vehicle turns."""
     distance: float = 0.0
+    counted: float = 0.0
+    """Of the wheel with the sensor, which the vehicle file says."""
     x: float = 0.0
     y: float = 0.0
     yaw: float = 0.0
@@ -210,6 +212,8 @@ class SimpleWorld:
         v, c = self.vehicle, self.command
         driving = c.request is Request.DRIVE and self.state in (State.ARMED, State.RUNNING)
         wanted = c.speed_mps if driving else 0.0
+        if self.hall:
+            wanted /= self.wheel_share
         limit = math.radians(v.steer_limit_deg)
         if driving:
             error = max(-limit, min(limit, c.steer_rad)) - self.angle
@@ -218,14 +222,23 @@ class SimpleWorld:
             )
         self.speed += (wanted * self.speed_error - self.speed) * STEP / v.drive_lag_s
         before = self.pose()
-        curvature = self.yaw_gain * math.tan(self.angle + self.pot_error) / v.wheelbase_m
-        self.yaw += self.speed * curvature * STEP
+        self.yaw += self.speed * self.curvature * STEP
         self.distance += self.speed * STEP
+        self.counted += self.speed * self.wheel_share * STEP
         self.x += self.speed * math.cos(self.yaw) * STEP
         self.y += self.speed * math.sin(self.yaw) * STEP
         if driving and c.blade and self.speed >= 0:
             self._cut(before)
         self.now += STEP
+
+    @property
+    def curvature(self) -> float:
+        return self.yaw_gain * math.tan(self.angle + self.pot_error) / self.vehicle.wheelbase_m
+
+    @property
+    def wheel_share(self) -> float:
+        """What the wheel with the sensor goes of the middle's way."""
+        return 1.0 - self.vehicle.hall_left_m * self.curvature
 
     def pose(self) -> tuple[float, float, float]:
         return float(self.x), float(self.y), float(self.yaw)
@@ -254,8 +267,8 @@ class SimpleWorld:
             steer_duty=0,
             drive_duty=round(math.copysign(duty, self.speed)),
             blade=self.command.blade,
-            speed_mps=self.speed if self.hall else None,
-            distance_m=self.distance if self.hall else 0.0,
+            speed_mps=self.speed * self.wheel_share if self.hall else None,
+            distance_m=self.counted if self.hall else 0.0,
             battery_v=12.0,
             last_seq=0,
             frames_bad=0,

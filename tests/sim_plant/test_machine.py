@@ -293,6 +293,26 @@ def test_the_hall_sensor_counts_the_wheels_way() -> None:
     assert edges == pytest.approx(2 * 40 * bench.distance, abs=2)
 
 
+@pytest.mark.parametrize("left_m", [0.35, -0.35, 0.0])
+@pytest.mark.parametrize("degrees", [50.0, -50.0])
+@pytest.mark.parametrize("duty", [0.5, -0.5])
+def test_the_hall_sensor_counts_the_way_of_the_wheel_that_it_sits_at(
+    left_m: float, degrees: float, duty: float
+) -> None:
+    """By the wheels' circles about the turn's middle, which lies on the rear axle."""
+    grip = {"cornering_front_n": 1e12, "cornering_rear_n": 1e12}
+    drive = DriveSpec(slip_n=1e12, hall_pulses_per_m=100, hall_left_m=left_m)
+    bench = Bench(MachineSpec(**grip, drive=drive), steer=math.radians(degrees))
+    edges, last = 0, bench.hall
+    for _ in range(3000):
+        bench.run(STEP_S, drive_duty=duty)
+        edges, last = edges + (bench.hall != last), bench.hall
+    radius = MachineSpec().wheelbase_m / math.tan(math.radians(degrees))
+    way_m = abs((radius - left_m) * bench.yaw)
+    assert edges == pytest.approx(2 * 100 * way_m, abs=2)
+    assert abs(bench.distance) == pytest.approx(abs(radius * bench.yaw), rel=1e-6)
+
+
 def test_the_blade_takes_time_to_spin_up_and_down() -> None:
     bench = Bench(MachineSpec(blade_spin_up_s=0.4)).run(0.05, blade_on=1)
     assert bench.blade_spinning == 0

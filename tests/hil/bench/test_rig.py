@@ -25,10 +25,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from hil.bench.alone import alone
 from hil.bench.harvest import harvest
 from hil.bench.lockstep import SLICE_US, Bench
 from hil.bench.ports import IN_THE_MAKING, NETWORK, Port, PseudoTerminal, Rfc2217Port, TcpPort
 from hil.bench.rig import BEHIND_S, Deadlines, Rig, handouts
+from hil.commands.rig import rig
 from hil.firmware import targets
 from hil.scenario import scenario
 from host.core.errors import EXIT_FAULT, UserError
@@ -373,6 +375,15 @@ def test_the_handouts_describe_the_simulated_machine_and_field(tmp_path: Path) -
 def console(module: str, *args: str) -> list[str]:
     """A console script, run by this interpreter."""
     return [sys.executable, "-c", f"from {module} import main; main()", *args]
+
+
+def test_a_second_rig_does_not_write_over_the_first_ones_files(tmp_path: Path) -> None:
+    with (
+        alone(tmp_path, "rig"),
+        pytest.raises(UserError, match=f"another rig is writing to {tmp_path}"),
+    ):
+        rig.main(["--out", str(tmp_path), "--duration", "0.01"], standalone_mode=False)
+    assert [path.name for path in tmp_path.iterdir()] == [".running"]
 
 
 @contextmanager

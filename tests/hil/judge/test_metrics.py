@@ -13,7 +13,7 @@ from host.estimate.odometry import Motion
 from host.pilot.phase import Phase
 from host.pilot.pilot import Pilot
 from sim_plant.field import Field
-from sim_plant.ground import CROP
+from sim_plant.ground import CROP, SOIL
 from tests.helpers.oracle import quick
 
 LENGTH_M, WIDTH_M, GAP_M, STEP_M = 6.0, 4.0, 2.0, 0.02
@@ -79,6 +79,24 @@ def test_the_lateral_error_is_the_blades_place_beside_its_lane(aside_m: float) -
     figures = ride.figures()
     assert figures["lateral_mean_m"] == pytest.approx(-aside_m, abs=0.03)
     assert figures["lateral_rms_m"] == pytest.approx(abs(aside_m), abs=0.03)
+
+
+def test_a_ragged_last_row_is_no_edge_that_the_blade_has_left() -> None:
+    """The field's end, torn back by a decimetre where the blade's right end comes out of it."""
+    ride = Ride()
+    columns = [round((x - ride.crop.origin[0]) / ride.crop.cell) for x in (LENGTH_M - 0.1, 9.0)]
+    rows = [round((y - ride.crop.origin[1]) / ride.crop.cell) for y in (-0.1, 0.35)]
+    ride.crop.kind[slice(*rows), slice(*columns)] = SOIL
+    ride.to(LENGTH_M + 0.2)
+    assert max(abs(error_m) for error_m in ride.truth.lateral) < 0.1
+
+
+def test_a_blade_that_leaves_its_edge_before_the_end_is_off_it() -> None:
+    ride = Ride()
+    ride.to(LENGTH_M - 1.0)
+    ride.y += 0.3
+    ride.to(LENGTH_M - 0.4)
+    assert max(abs(error_m) for error_m in ride.truth.lateral) == pytest.approx(0.3, abs=0.07)
 
 
 def test_what_passes_in_a_turn_is_no_lateral_error() -> None:

@@ -35,6 +35,7 @@ from host.vision.view import Detector
 from sim_plant.drive_response import drive_response
 from sim_plant.field import Field
 from sim_plant.machine import SteeringSpec
+from sim_plant.network import Stream
 from tests.helpers.oracle import Oracle, quick
 
 needs_firmware = pytest.mark.skipif(
@@ -118,6 +119,7 @@ def test_exact_is_the_truth() -> None:
         assert (told.gap_m, told.corner) == (world.field.gap_m, world.start.corner)
         assert vehicle.blade_x_m == pytest.approx(machine.blade_x_m)
         assert vehicle.half_width_m == machine.half_width_m
+        assert vehicle.hall_left_m == machine.drive.hall_left_m
         assert vehicle.crop_height_m == world.field.crop_height_m
         assert told.mount.focal == pytest.approx(world.lens.focal_px)
         assert told.mount.distortion[:2] == (world.lens.k1, world.lens.k2)
@@ -139,6 +141,7 @@ def test_what_is_drawn_lies_within_what_tape_and_level_leave_and_is_the_same_aga
         assert scenario.told == told
         v, m = told.vehicle, world.machine
         assert abs(v.wheelbase_m - m.wheelbase_m) <= bounds.tape_m
+        assert 0.0 < abs(v.hall_left_m - m.drive.hall_left_m) <= bounds.tape_m
         assert abs(told.mount.pitch_deg - world.lens.pitch_deg) <= bounds.mount_deg
         assert abs(told.mount.z_m - world.lens.z_m) <= bounds.mount_m
         assert abs(told.gap_m - world.field.gap_m) <= bounds.gap_m
@@ -242,7 +245,7 @@ def test_a_picture_is_as_old_as_the_host_believes(
     scenario = changed(
         quick(limits={"time_s": 1.0}, record={"pictures_every": 1}),
         {
-            "lens": {"delay_s": is_s},
+            "lens": {"delay_s": is_s, "jitter_s": 0.0, "stall_share": 0.0},
             "belief": {"vehicle": {"camera_delay_s": said_s}},
         },
     )
@@ -253,6 +256,25 @@ def test_a_picture_is_as_old_as_the_host_believes(
     shutters = [0.1 * k for k in range(1, len(stamps) + 1)]
     assert stamps == pytest.approx([max(0.0, t + is_s - said_s) for t in shutters], abs=1e-6)
     assert len(stamps) >= 7
+
+
+@needs_firmware
+def test_what_the_network_adds_to_a_picture_the_host_takes_for_its_age(tmp_path: Path) -> None:
+    """And of those that come together it sees the newest."""
+    lens = {"delay_s": 0.15, "jitter_s": 0.05, "stall_share": 0.3}
+    scenario = changed(
+        quick(limits={"time_s": 3.0}, record={"pictures_every": 1}),
+        {"lens": lens, "belief": {"vehicle": {"camera_delay_s": 0.1}}},
+    )
+    run = Harvest(scenario, tmp_path / "r.mcap", detector=Oracle)
+    run.run()
+    run.close()
+    stamps = [stamp for topic, stamp, _ in record.read(tmp_path / "r.mcap") if topic == "/camera"]
+    stream = Stream(scenario.world.lens, scenario.world.seed)
+    came = [stream.arrives_s(0.1 * k) for k in range(1, 31)]
+    seen = {math.ceil(at * 20 - 1e-6): at - 0.1 for at in came if at <= 3.0}
+    assert stamps == pytest.approx(list(seen.values()), abs=1e-6)
+    assert len(stamps) < sum(at <= 3.0 for at in came), "some came together"
 
 
 def test_a_setting_changes_one_part_of_the_belief() -> None:

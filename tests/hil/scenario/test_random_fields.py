@@ -74,6 +74,12 @@ def test_no_two_machines_have_the_same_lengths_and_every_blade_is_wider_than_its
         assert machine.front_load >= 0.3
 
 
+def test_a_wheel_s_sensor_sits_on_either_wheel_or_on_the_axle() -> None:
+    places = [s.machine.drive.hall_left_m / s.machine.half_width_m for s in MANY]
+    assert {-1, 0, 1} == {round(place) for place in places}
+    assert all(place == 0.0 or 0.7 < abs(place) < 0.95 for place in places)
+
+
 def test_a_mast_shows_the_blade_s_line_at_the_lower_border_of_its_picture() -> None:
     """By the host's projection, not by the formula that tilts the phone."""
     masts = [s for s in MANY if s.camera == "mast"]

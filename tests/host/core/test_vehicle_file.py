@@ -67,6 +67,7 @@ def test_no_file_means_the_default_vehicle(tmp_path: Path) -> None:
         ("cutting_speed_mps: 1000", "cutting_speed_mps: Input should be less than"),
         ("overlap_m: 0.45\nblade_width_m: 0.45", "overlap_m 0.45 is more than half"),
         ("half_width_m: 0.8", "half_width_m 0.8 is more than half of blade_width_m 1: the wheels"),
+        ("hall_left_m: -0.5", "hall_left_m -0.5 lies outside of half_width_m 0.4: no wheel runs"),
         ("wheelbase_m: 1.0\nblade_ahead_m: -1.0", "puts the blade behind the rear axle"),
         ("blade_height_m: 0.9", "blade_height_m 0.9 is not below crop_height_m 0.9: nothing"),
         ("mounts: {low: {x_m: 0, z_m: 1, pitch_deg: 400}}", "mounts.low.pitch_deg"),

@@ -17,7 +17,7 @@ from host.core.vehicle import Vehicle
 from host.field.areas import areas_of
 from host.field.boundary_file import Boundary, load_field
 from host.field.fence import FENCE_FIXES, FENCE_M, Fence, nearest_corner
-from host.route.field_plan import plan_of
+from host.route.field_plan import plan_field, plan_of
 from host.runs.errand import warnings
 
 FRAME = LocalFrame(31.5, 74.3)
@@ -170,6 +170,29 @@ def test_with_an_inset_the_crop_begins_inside_and_the_machine_may_go_as_far_as_b
     allowed = areas_of(crop, plan.gap_m).permitted
     assert allowed is not None
     assert allowed.symmetric_difference(areas.permitted).area < 0.1
+
+
+WALKED = [(0, 0), (10, 0), (20, 0), (20, 6), (20, 10), (9, 10), (0, 10), (0, 4)]
+"""With corners that lie in line."""
+POND = [(18.0, 4.0), (19.8, 4.0), (19.8, 6.0), (18.0, 6.0)]
+"""With its margin it reaches over the field's edge."""
+
+
+@pytest.mark.parametrize(("keep_outs", "corner"), [((), 0), ((POND,), 3)])
+def test_what_plan_shows_is_what_drive_drives(
+    keep_outs: tuple[list[tuple[float, float]], ...], corner: int
+) -> None:
+    field = Boundary(
+        tuple(FRAME.to_wgs84(*at) for at in WALKED),
+        tuple(tuple(FRAME.to_wgs84(*at) for at in ring) for ring in keep_outs),
+    )
+    frame, driven = plan_of(field, corner, Vehicle(), "three_point", 2.0)
+    areas = areas_of(field.polygon(frame), 2.0)
+    at = frame.to_local(*field.crop[corner])
+    shown = plan_field(
+        areas, at, Vehicle(), "three_point", 2.0, field.known_to_m, recorded=field.recorded
+    )
+    assert shown == driven
 
 
 def test_an_inset_that_leaves_nothing_is_refused() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from host.core.vehicle import Vehicle
-from host.pilot.phase import Phase
+from host.pilot.phase import Doing, Phase
 from host.pilot.pilot import Pilot
 from host.route.plan import Plan, spiral
 from tests.helpers.simple_world import SimpleWorld, drive
@@ -110,3 +110,28 @@ def test_an_edge_that_is_seen_farther_ahead_is_taken_there() -> None:
     drive(world, pilot, 20.0, until=lambda: pilot.phase is Phase.FOLLOW)
     blade_y = world.y + VEHICLE.blade_x_m * math.sin(world.yaw)
     assert pilot.lane.blade_offset_m == pytest.approx(blade_y - VEHICLE.inset_m, abs=0.02)
+
+
+@pytest.mark.parametrize("left_m", [0.35, -0.35])
+def test_the_way_and_the_speed_of_turns_are_the_axle_s_whichever_wheel_is_counted(
+    left_m: float,
+) -> None:
+    vehicle = VEHICLE.model_copy(update={"hall_left_m": left_m})
+    world = SimpleWorld(vehicle)
+    plan = spiral([(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)], 1, vehicle)
+    world.stand_at(plan.sides[0])
+    pilot = Pilot(vehicle, world, plan)
+    off_m: list[float] = []
+    turning_mps: list[float] = []
+
+    def over() -> bool:
+        off_m.append(abs(world.distance - pilot.motion.distance_m))
+        if pilot.doing is Doing.TURN:
+            turning_mps.append(abs(world.speed))
+        return pilot.turns >= 3 or pilot.done
+
+    drive(world, pilot, 300.0, until=over)
+    assert pilot.turns == 3, pilot.reason
+    assert max(off_m) < 0.03
+    fast = np.quantile(turning_mps, 0.98)  # but for running out from the side before
+    assert fast == pytest.approx(vehicle.manoeuvre_speed_mps, abs=0.01)
