@@ -183,8 +183,12 @@ def measure_drive(
         first.taped.along_m,
         first.taped.aside_m,
         vehicle.wheelbase_m,
+        vehicle.hall_left_m,
     )
-    scale = pulses / found.pulses_per_m if found.pulses_per_m else 0.0
+    # Of the machine's middle: the way was bent, and a wheel beside it came less far or farther.
+    bend_1pm = math.tan(math.radians(found.steer_off_deg)) / vehicle.wheelbase_m
+    of_the_middle = 1.0 - vehicle.hall_left_m * bend_1pm
+    scale = pulses / found.pulses_per_m / of_the_middle if found.pulses_per_m else 0.0
     nominal_v = vehicle.nominal_battery_v
     legs = [each.leg(nominal_v, scale) for each in driven]
     curve = drive_curve(slow=legs[:2], fast=legs[2:])

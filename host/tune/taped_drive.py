@@ -32,9 +32,11 @@ def taped_drive(
     taped_m: float,
     aside_m: float,
     wheelbase_m: float,
+    hall_left_m: float = 0.0,
 ) -> TapedDrive:
     """From a drive that was told to go straight: what was counted with the present pulses a metre
-    (None: nothing counts), and by tape how far it came and how far to the left of straight.
+    (None: nothing counts), and by tape how far it came and how far to the left of straight. A
+    sensor at a wheel `hall_left_m` left of the middle counts that one's arc, not the middle's.
     UserError for a drive that is too short, or a sensor that counted nothing."""
     if taped_m < LEAST_M:
         raise UserError(f"a drive of {taped_m:g} m tells little: drive at least {LEAST_M:g} m")
@@ -44,7 +46,8 @@ def taped_drive(
     bend = 2 * aside_m / (taped_m**2 + aside_m**2)
     turned = 2 * math.atan2(aside_m, taped_m)
     way = turned / bend if abs(bend) > 1e-6 else taped_m
-    found = None if counted_m is None else pulses_per_m * counted_m / way
+    wheels_way = way - hall_left_m * turned
+    found = None if counted_m is None else pulses_per_m * counted_m / wheels_way
     unsure = 2 * TAPE_SIGMA_M / taped_m**2
     return TapedDrive(
         found,

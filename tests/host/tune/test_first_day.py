@@ -15,13 +15,16 @@ from host.tune.taped_drive import taped_drive
 
 @pytest.mark.parametrize("off_deg", [-2.0, 0.0, 1.5])
 @pytest.mark.parametrize("true_ppm", [45.0, 50.0, 100.0])
-def test_a_taped_drive_tells_wheels_and_steering(off_deg: float, true_ppm: float) -> None:
+@pytest.mark.parametrize("left_m", [0.0, 0.35, -0.35])
+def test_a_taped_drive_tells_wheels_and_steering(
+    off_deg: float, true_ppm: float, left_m: float
+) -> None:
     way, wheelbase = 10.0, 1.0
     bend = math.tan(math.radians(off_deg)) / wheelbase
     along = math.sin(bend * way) / bend if bend else way
     aside = (1 - math.cos(bend * way)) / bend if bend else 0.0
-    counted = way * true_ppm / 50.0
-    found = taped_drive(counted, 50.0, along, aside, wheelbase)
+    counted = way * (1.0 - left_m * bend) * true_ppm / 50.0
+    found = taped_drive(counted, 50.0, along, aside, wheelbase, left_m)
     assert found.pulses_per_m == pytest.approx(true_ppm, rel=1e-3)
     assert found.steer_off_deg == pytest.approx(off_deg, abs=0.05)
     assert found.pulses_sigma == pytest.approx(0.002 * true_ppm, rel=0.05)
