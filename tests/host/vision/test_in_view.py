@@ -56,6 +56,7 @@ def test_every_drawn_machines_own_mount_can(name: str) -> None:
             half_width_m=machine.half_width_m,
             blade_width_m=machine.blade_width_m,
             blade_ahead_m=machine.blade_ahead_m,
+            hall_left_m=machine.drive.hall_left_m,
             mounts={name: mount},
         )
         assert seeing_mount(vehicle, name) == mount
