@@ -7,6 +7,7 @@ file.
 from __future__ import annotations
 
 import datetime
+import itertools
 import math
 import re
 import socket
@@ -227,8 +228,11 @@ class Receiver:
         self.bad[f"{kind} field"] += 1
 
 
-BAUD = 9600
-"""Of a receiver's serial port; over USB and Bluetooth it counts for nothing."""
+BAUDS = (9600, 38400, 115200, 4800, 57600)
+"""Of a receiver's serial port, the usual first: u-blox's modules up to the M8 have 9600, later ones
+38400 (their interface descriptions, UART1); over USB and Bluetooth it counts for nothing."""
+UNREAD_BYTES = 1000
+"""Without one sentence: two epochs' at the right speed, so this is another one."""
 EPOCHLESS_S = 5.0
 """A receiver that speaks and gives no new epoch for so long gives none that one could drive by."""
 READ_S = 0.1
@@ -243,15 +247,21 @@ DATAGRAM_BYTES = 65_536
 """More than any holds; the rest of a longer one would be lost."""
 
 
-def _serial_reader(path: str, baud: int) -> Iterator[bytes]:
-    """What came within READ_S, perhaps nothing, for ever."""
+def _serial_reader(path: str, receiver: Receiver) -> Iterator[bytes]:
+    """What came within READ_S, perhaps nothing, for ever; at another speed where what comes is
+    nothing that the receiver reads."""
     try:
-        opened = open_port(path, baud, READ_S)
+        opened = open_port(path, BAUDS[0], READ_S)
     except UserError as error:
         raise SourceLostError(str(error)) from error
     with opened as port:
-        while True:
-            yield port.read(max(1, min(BYTES_AT_ONCE, port.in_waiting)))
+        for baud in itertools.cycle(BAUDS):
+            port.baudrate = baud
+            unread, before = 0, receiver.sentences.total()
+            while unread < UNREAD_BYTES:
+                data = port.read(max(1, min(BYTES_AT_ONCE, port.in_waiting)))
+                yield data
+                unread = 0 if receiver.sentences.total() > before else unread + len(data)
 
 
 def _tcp_reader(host: str, tcp_port: int) -> Iterator[bytes]:
@@ -310,8 +320,8 @@ def _epochless(heard: Counter[str]) -> str:
     """Why no position comes of the sentences that have been heard meanwhile, by their types."""
     if not heard:
         return (
-            "what it sends is no NMEA: is the address right, and does a serial port run at "
-            f"{BAUD} baud?"
+            "what it sends is no NMEA: is the address right, and does a serial port run at one of "
+            f"{', '.join(map(str, sorted(BAUDS)))} baud?"
         )
     if heard["GGA"] + heard["RMC"] == 0:
         return "it sends NMEA without a position: switch GGA and RMC on in its settings"
@@ -333,7 +343,6 @@ def gnss_feed(
     url: str,
     clock: Callable[[], float],
     report: Callable[[str], None],
-    baud: int = BAUD,
     tap: Callable[[bytes], object] | None = None,
 ) -> tuple[Feed[Fix], Receiver]:
     """`url`: tcp://HOST:PORT (what phone apps offer), udp://:PORT (where they send to), a serial
@@ -369,7 +378,7 @@ def gnss_feed(
     elif path.is_file():
         source = partial(_from_file, path, receiver)
     elif path.is_char_device():
-        source = partial(_from_port, partial(_serial_reader, url, baud), receiver)
+        source = partial(_from_port, partial(_serial_reader, url, receiver), receiver)
     elif path.exists() and not parts.scheme:
         raise UserError(f"GNSS source {url} is neither a serial port nor an NMEA file; name one")
     elif parts.scheme:
