@@ -26,7 +26,7 @@ from host.core.frames import LocalFrame
 from host.core.messages import Fix
 from host.link.port import open_port
 from host.sensors.newest import Feed
-from host.sensors.nmea import COMPANION_S, Receiver, _from_port, gnss_feed
+from host.sensors.nmea import COMPANION_S, UNREAD_BYTES, Receiver, _from_port, gnss_feed
 from tests.helpers.real_data import real
 
 LIMIT_S = 10.0
