@@ -128,7 +128,8 @@ class Vehicle(Strict):
         if abs(self.hall_left_m) > self.half_width_m:
             raise ValueError(
                 f"hall_left_m {self.hall_left_m:g} lies outside of half_width_m "
-                f"{self.half_width_m:g}: no wheel runs there. It is measured from the machine's "
+                f"{self.half_width_m:g}: no wheel runs there. Give it in the file (without it a "
+                f"machine has {Vehicle.model_fields['hall_left_m'].default:g}): from the machine's "
                 "middle to the middle of the tread of the wheel with the sensor, positive to the "
                 "left, negative to the right; 0 where the sensor counts the axle before a "
                 "differential"
