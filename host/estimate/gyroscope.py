@@ -263,7 +263,12 @@ class Gyroscope:
                 self._agreed_rad = None
         return 0.0
 
+    @property
+    def leg(self) -> tuple[float, float]:
+        """What was turned since `take_leg`, rad: as it shows, and by the steering angle."""
+        return self._leg
+
     def take_leg(self) -> tuple[float, float]:
-        """What was turned since the last call, rad: as it shows, and by the steering angle."""
+        """The same; what comes from here on is another leg."""
         leg, self._leg = self._leg, (0.0, 0.0)
         return leg

@@ -16,7 +16,7 @@ from host.core.vehicle import Vehicle
 from host.estimate.duty_speed import DutySpeed
 from host.estimate.gyroscope import WINDOW_S, Gyroscope, Stand
 from host.estimate.rolling import Rolling
-from host.estimate.wheel_sensor import wheel_share
+from host.estimate.wheel_sensor import LEG_RAD, WheelPlace, wheel_share
 
 HISTORY_S = 1.5
 HALL_SIGMA = 0.005
@@ -54,8 +54,6 @@ SURELY = 3.0
 against the gyroscope."""
 TOLD_MPS = 0.25
 """From which the duty tells the way well enough for the trim."""
-LEG_RAD = math.radians(20)
-"""A shorter turn's leg shows slack rather than scale."""
 LEG_SHARE = 0.2
 """Of what the yaw gain lacks, learned from one leg beside the gyroscope."""
 
@@ -109,6 +107,7 @@ class Odometry:
         self._odometer: float | None = None
         self._too_fast_s = 0.0
         self.rolling = Rolling(vehicle)
+        self.wheel_place = WheelPlace()
         self._history: deque[Motion] = deque()
         self.gyroscope = Gyroscope()
         """Its offset is the filter's to say."""
@@ -255,6 +254,8 @@ class Odometry:
             self._trims.popleft()
         if at is None:
             return
+        if self._odometer is not None:
+            self.wheel_place.take(*gyroscope.leg, ended=stand is not None)
         if stand is not None:
             self._learn_gain(*gyroscope.take_leg())
         elif gyroscope.useful:

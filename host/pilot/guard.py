@@ -74,6 +74,12 @@ class Watched(Reason):
         "{why}: it loses pulses or counts false ones, or hall_per_metre is wrong; check sensor, "
         "magnets, cable and calibration",
     )
+    WHEEL_PLACE = (
+        Doing.FAULT,
+        "in one leg of a turn the gyroscope shows {least} times what the wheel's sensor and the "
+        "steering say, in the next {most} times: hall_left_m names another wheel than the one that "
+        "is counted, or the steering's middle is far off; measure both",
+    )
     PICTURES = Doing.FAULT, "the pictures do not move as the machine does: {why}"
     POT_OFF = (
         Doing.FAULT,
@@ -100,6 +106,9 @@ def watch(state: State, estimate: Estimator, faults: int = 0) -> Go | None:
         return Watched.BACKWARDS.go()
     if estimate.speed.wrong:
         return Watched.WRONG_SPEED.go(why=estimate.speed.wrong)
+    legs = estimate.odometry.wheel_place.wrong
+    if legs is not None:
+        return Watched.WHEEL_PLACE.go(least=f"{legs[0]:.1f}", most=f"{legs[1]:.1f}")
     if estimate.pictures.wrong:
         return Watched.PICTURES.go(why=estimate.pictures.wrong)
     off_rad = estimate.odometry.pot_off_rad

@@ -8,7 +8,7 @@ import pytest
 
 from host.core.messages import Command, Request, State, Telemetry
 from host.core.vehicle import Vehicle
-from host.estimate.wheel_sensor import WheelSensor
+from host.estimate.wheel_sensor import WheelPlace, WheelSensor
 
 LOCK_1PM = math.tan(math.radians(50.0))
 """Curvature of the default machine's middle on its lock, to the left."""
@@ -72,3 +72,44 @@ def test_a_wheel_beside_the_turn_s_middle_makes_no_way_of_nothing() -> None:
     sensor = WheelSensor(LEFT)
     sensor.at_the_middle(told(0, 0.0, 0.0), 1.0 / 0.35)
     assert sensor.at_the_middle(told(1, 0.0, 0.02), 1.0 / 0.35).distance_m == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("legs", "wrong"),
+    [
+        (((0.45, 1.0), (2.1, 1.0)), (0.45, 2.1)),
+        (((2.1, -1.0), (0.45, -1.0)), (0.45, 2.1)),
+        (((0.99, 1.0), (1.01, 1.0)), None),
+        (((2.0, 1.0), (2.0, 1.0)), None),
+        (((0.3, 1.0), (0.0, 1.0), (1.0, 1.0)), None),
+        (((0.45, 1.0), (2.1, 0.1)), None),
+        (((0.45, 1.0), (1.0, 1.0), (2.1, 1.0)), None),
+    ],
+    ids=["left", "right", "well", "pulses lost", "gyroscope hangs", "too short", "not in a row"],
+)
+def test_two_legs_that_contradict_each_other_show_the_sensor_on_another_wheel(
+    legs: tuple[tuple[float, float], ...], wrong: tuple[float, float] | None
+) -> None:
+    """Times what was reckoned, and that, rad."""
+    place = WheelPlace()
+    for times, reckoned_rad in legs:
+        place.take(times * reckoned_rad, reckoned_rad, ended=True)
+    assert place.wrong == (None if wrong is None else pytest.approx(wrong))
+
+
+def test_it_shows_before_the_second_leg_has_ended() -> None:
+    place = WheelPlace()
+    place.take(0.45, 1.0, ended=True)
+    place.take(0.3, 0.14, ended=False)
+    assert place.wrong is None, "as good as straight"
+    place.take(0.4, 0.19, ended=False)
+    assert place.wrong == pytest.approx((0.45, 0.4 / 0.19))
+
+
+def test_what_is_driven_of_one_leg_does_not_contradict_its_end() -> None:
+    """A wheel that is still on its way to its angle, and a gyroscope that tells late."""
+    place = WheelPlace()
+    for seen_rad in (0.4, 0.5, 0.6):
+        place.take(seen_rad, 0.2, ended=False)
+    place.take(0.6, 0.95, ended=True)
+    assert place.wrong is None

@@ -21,6 +21,7 @@ from host.estimate.position import Position
 from host.field.areas import Verdict
 from host.link.protocol import Fault, fault_texts
 from host.pilot.guard import CREEP_MPS, Guard, SeenFree, Watched, no_farther, watch
+from host.pilot.phase import Doing
 from host.route.plan import Plan, spiral
 from tests.helpers.places import followed
 
@@ -273,3 +274,14 @@ def test_what_the_firmware_reports_is_said_in_its_words() -> None:
     found = watch(State.FAULT, Estimator(VEHICLE, plan()), int(Fault.ESTOP_OPEN))
     assert found is not None and found.reason is Watched.FIRMWARE_FAULT
     assert fault_texts(Fault.ESTOP_OPEN)[0] in found.text
+
+
+def test_a_wheel_that_is_not_the_one_that_is_counted_stops_the_machine_and_is_named() -> None:
+    estimate = Estimator(VEHICLE, plan())
+    assert watch(State.RUNNING, estimate) is None
+    for times in (0.45, 2.1):
+        estimate.odometry.wheel_place.take(times, 1.0, ended=True)
+    go = watch(State.RUNNING, estimate)
+    assert go is not None and go.reason is Watched.WHEEL_PLACE
+    assert go.reason.to is Doing.FAULT
+    assert "2.1 times" in go.text and "hall_left_m" in go.text
