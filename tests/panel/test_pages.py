@@ -1414,16 +1414,23 @@ def test_texts_that_do_not_come_at_first_are_asked_for_again(
     page.context.close()
 
 
+def at_harvest(browser: Browser, panel: Served, line: Line, *keeps: str) -> Page:
+    """A page that drives, on HARVEST, its keys in view; of what it asks, `keeps` stay with the
+    line."""
+    line.more = dict(IDLE)
+    line.keeps = frozenset(keeps)
+    page = opened(browser, panel, "phone", "en", line)
+    page.click("#tabs button[data-tab=harvest]")
+    page.click("#jog summary")
+    return page
+
+
 def test_a_finger_that_lifts_from_a_key_that_was_disabled_moves_nothing_later(
     browser: Browser, panel: Served
 ) -> None:
     """A disabled button hears no finger go."""
     line = Line()
-    line.more = dict(IDLE)
-    line.keeps = frozenset({"jog", "hold", "start", "let_go"})
-    page = opened(browser, panel, "phone", "en", line)
-    page.click("#tabs button[data-tab=harvest]")
-    page.click("#jog summary")
+    page = at_harvest(browser, panel, line, "jog", "hold", "start", "let_go")
     for button in ("#jog-keys button[data-jog='1,0']", "#start"):
         line.more = dict(IDLE)
         expect(page.locator(button)).to_be_enabled()
@@ -1443,11 +1450,7 @@ def test_a_finger_that_lifts_from_a_key_that_was_disabled_moves_nothing_later(
 def test_a_finger_on_a_page_that_is_hidden_holds_nothing(browser: Browser, panel: Served) -> None:
     """A call comes in, the screen goes dark."""
     line = Line()
-    line.more = dict(IDLE)
-    line.keeps = frozenset({"jog", "hold", "start", "let_go"})
-    page = opened(browser, panel, "phone", "en", line)
-    page.click("#tabs button[data-tab=harvest]")
-    page.click("#jog summary")
+    page = at_harvest(browser, panel, line, "jog", "hold", "start", "let_go")
     for button, last in (
         ("#jog-keys button[data-jog='1,0']", {"do": "jog", "speed": 0, "steer_deg": 0}),
         ("#start", {"do": "let_go"}),
@@ -1467,10 +1470,7 @@ def test_a_finger_on_a_page_that_is_hidden_holds_nothing(browser: Browser, panel
 
 def test_a_stop_ends_what_another_finger_holds(browser: Browser, panel: Served) -> None:
     line = Line()
-    line.more = dict(IDLE)
-    line.keeps = frozenset({"hold", "start", "let_go", "stop"})
-    page = opened(browser, panel, "phone", "en", line)
-    page.click("#tabs button[data-tab=harvest]")
+    page = at_harvest(browser, panel, line, "hold", "start", "let_go", "stop")
     expect(page.locator("#start")).to_be_enabled()
     page.locator("#start").dispatch_event("pointerdown")
     asked(page, line, 1)
