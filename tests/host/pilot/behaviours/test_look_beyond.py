@@ -16,6 +16,7 @@ from host.estimate.gaps import SEEN_M
 from host.estimate.measurements.end import EARLY_M
 from host.estimate.prior import START_SIGMA
 from host.field.areas import GAP_MARGIN_M, Level, Verdict
+from host.pilot.behaviours.lay_out import LayOut
 from host.pilot.behaviours.look_beyond import APART_M, PICTURES, PLACES, STAND_M, LookBeyond
 from host.pilot.behaviours.look_beyond import Why as Beyond
 from host.pilot.behaviours.wait_for_camera import WaitForCamera
@@ -25,7 +26,8 @@ from host.pilot.endings import Blind, Elsewhere, SideEnd, end_side
 from host.pilot.gaze import STOP_AFTER_S
 from host.pilot.phase import Doing, Go, Reason
 from host.pilot.planned_strip import PlannedStrip
-from host.route.plan import spiral
+from host.route.anew import Anew
+from host.route.plan import Plan, spiral
 from host.vision.view import CropView
 from tests.helpers.behaving import NOW, clear_ahead, moved, on_side, seeing, stands
 
@@ -34,9 +36,9 @@ SQUARE = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]
 PLAN = spiral(SQUARE, 1, VEHICLE, gap_m=2.0)
 
 
-def at_end(cut_m: float = 10.0) -> Context:
+def at_end(cut_m: float = 10.0, plan: Plan = PLAN) -> Context:
     """At the end of the first side, by pictures, having cut so far by the wheels."""
-    context = on_side(plan=PLAN, cut_m=cut_m)
+    context = on_side(plan=plan, cut_m=cut_m)
     go = end_side(context, NOW, clear_ahead(context))
     assert go.reason is Elsewhere.AT_BOUNDARY
     assert go.reason.to is Doing.LOOK_BEYOND
@@ -340,6 +342,24 @@ def test_what_stands_close_beyond_an_end_leaves_the_other_edges_their_room() -> 
     assert [room_m(context, edge) for edge in (0, 1, 3)] == pytest.approx([2.0] * 3)
     context.begin_strip()
     assert room_m(context, 2) == pytest.approx(2.0), "it is the turn's alone"
+
+
+def test_what_stands_close_beyond_counts_still_when_the_rest_has_been_laid_out_anew() -> None:
+    """Which is done between the look and the turn."""
+    context = at_end(plan=spiral(SQUARE, 1, VEHICLE, gap_m=2.0, sigma_m=0.5))
+    context.sight.ahead.go_on()
+    context.saw_beyond(0.3)
+    before, now, go = context.plan, NOW, None
+    corners = context.estimate.position.outline.corners
+    context.anew = Anew(before, corners, before.cut_along(1), VEHICLE)
+    behaviour = LayOut(context)
+    while go is None:
+        now += 0.05
+        assert now < NOW + 10.0
+        _, go = behaviour.step(now)
+    assert context.plan is not before
+    assert room_m(context, 2) == pytest.approx(0.3 - EARLY_M, abs=0.1)
+    assert room_m(context, 1) == pytest.approx(2.0, abs=0.1)
 
 
 def test_crop_right_beyond_an_end_that_may_be_none_may_be_the_sides_own_and_proves_no_gap() -> None:
