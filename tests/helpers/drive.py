@@ -33,6 +33,8 @@ class Drive:
         self.gyro_turns, self.breaks = True, False
         self.scale = 1.0
         """What it shows, over what is turned."""
+        self.counts = 1.0
+        """What the hall sensor counts, over what is driven."""
         self.counted = True
         """Whether a hall sensor counts; no speed is known without it."""
         self.nose_up = math.nan
@@ -57,7 +59,7 @@ class Drive:
             self.now += STEP_S
             self.distance += speed * STEP_S
             counted = speed if driven is None else math.copysign(speed, driven)
-            self.odometer += counted * STEP_S
+            self.odometer += self.counts * counted * STEP_S
             turn = speed * STEP_S * math.tan(steer_rad)
             self.yaw += turn
             self.shown += (self.scale * turn if self.gyro_turns else 0.0) + self.offset * STEP_S

@@ -77,6 +77,31 @@ def test_it_teaches_the_pots_scale_in_turns() -> None:
     assert reckoned == pytest.approx(math.tan(math.radians(45)), rel=0.02)
 
 
+@pytest.mark.parametrize(
+    ("counts", "hangs", "elsewhere"),
+    [
+        ((2.2, 0.45), False, True),
+        ((0.45, 2.2), False, True),
+        ((1.0, 1.0), False, False),
+        ((0.5, 0.5), False, False),
+        ((1.0, 1.0), True, False),
+    ],
+    ids=["right wheel", "left wheel", "well", "loses pulses", "gyroscope hangs"],
+)
+def test_the_two_legs_of_a_turn_show_a_wheel_sensor_on_another_wheel(
+    counts: tuple[float, float], hangs: bool, elsewhere: bool
+) -> None:
+    """Forward on the left lock and back on the right one the machine turns to the left."""
+    drive = Drive()
+    drive.go(3.0, 0.0)
+    drive.gyro_turns = not hangs
+    for way, times in zip((1.0, -1.0), counts, strict=True):
+        drive.counts = times
+        drive.go(2.5, way * 0.3, way * math.radians(45))
+        drive.go(1.0, 0.0)
+    assert (drive.estimate.odometry.wheel_place.wrong is not None) is elsewhere
+
+
 def test_one_that_hangs_is_not_believed_and_takes_nothing_along() -> None:
     drive = Drive()
     drive.go(3.0, 0.0)
