@@ -329,12 +329,13 @@ def measured_vehicle(world: World, camera: str, errors: Errors, draw: Draw) -> V
     )
     values = {name: getattr(m, name) + draw(name, errors.tape_m) for name in lengths}
     hall = m.drive.hall_pulses_per_m * (1 + draw("hall", errors.hall))
-    left = m.drive.hall_left_m
+    # Of a wheel, nobody writes that it runs outside of the machine.
+    left, half = m.drive.hall_left_m, values["half_width_m"]
     drive = drive_response(m)
     base = Vehicle(
         **values,
         hall_pulses_per_m=hall,
-        hall_left_m=left and left + draw("hall left", errors.tape_m),
+        hall_left_m=max(-half, min(half, left + draw("hall left", errors.tape_m))) if left else 0.0,
         full_duty_speed_mps=drive.full_mps * (1 + draw("drive", errors.drive)),
         dead_duty=max(0.0, drive.dead + draw("dead", errors.dead_duty)),
         drive_lag_s=drive.lag_s * (1 + draw("lag", errors.drive_lag)),

@@ -26,7 +26,7 @@ from hil.bench.harvest import Harvest
 from hil.bench.lockstep import Bench
 from hil.bench.model_eyes import ALONG, COLUMNS, Air, Library, ModelEyes, library
 from hil.bench.sight import Sight
-from hil.scenario.random_fields import machine_size, random_field
+from hil.scenario.random_fields import random_field
 from hil.scenario.scenario import Scenario, changed
 from host.core.errors import UserError
 from host.pilot.phase import Phase
@@ -43,10 +43,6 @@ LATE_S: Final = 900.0
 LODGED: Final = (0.05, 0.2)
 """Share of crop that lies in every third field, drawn: random fields have a quarter of it, which
 would teach next to nothing of crop that is met lying."""
-NARROW: Final = (1.0, 1.5)
-"""Gap of every fourth field, drawn, as a multiple of the machine's size: random fields have wider
-ones, and what the detector sees of the next crop from close by would be taken from how the field's
-own looks before a side begins."""
 WRONG_M: Final = 0.1
 """What `CropView.confidence` is about."""
 ANSWERED: Final = ("confidence", "edge_offset_m", "crop_ahead_m", "ahead_confidence")
@@ -61,8 +57,7 @@ def fitting_field(seed: int, *, late: bool = False) -> Scenario:
     """What the model eyes are fitted to. Even seeds: a small rectangle with the crop, ground,
     weather and mount of the random field of that seed. Odd ones: the beginning of that field
     itself, whose slanting borders and reflex corners no rectangle has. `late`: that field, whatever
-    the seed, and more of it. In every third much crop lies, and every fourth of the others has a
-    narrow gap."""
+    the seed, and more of it. In every third much crop lies."""
     base = random_field(seed)
     limit_s = LATE_S if late else BEGINNING_S if seed % 2 else LIMIT_S
     changes: dict[str, Any] = {
@@ -76,9 +71,6 @@ def fitting_field(seed: int, *, late: bool = False) -> Scenario:
     if seed % 2 == 0 and not late:
         field = {"polygon": None, "size_m": size, "keep_outs": (), "trees": ()}
         changes["start"] = {"corner": base.start.corner % 4}
-        if seed % 4 == 0:
-            narrow = float(np.random.default_rng([seed, 78]).uniform(*NARROW))
-            field["gap_m"] = round(narrow * machine_size(base.machine), 3)
     if seed % 3 == 0:
         field["lodged"] = float(rng.uniform(*LODGED))
     changes["field"] = field
