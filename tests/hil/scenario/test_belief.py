@@ -153,6 +153,19 @@ def test_what_is_drawn_lies_within_what_tape_and_level_leave_and_is_the_same_aga
     assert len(differ) == 30
 
 
+@pytest.mark.parametrize("left_m", [0.35, -0.35])
+def test_a_wheel_at_the_machines_side_is_measured_inside_of_it(left_m: float) -> None:
+    """Where tape and tape differ; outside of it no wheel runs, and no vehicle file has one."""
+    machine = {"half_width_m": 0.35, "drive": {"hall_left_m": left_m}}
+    for seed in range(10):
+        scenario = load(
+            "default", {"seed": seed, "machine": machine, "belief": {"boundary": LONGER}}
+        )
+        vehicle = scenario.told.vehicle
+        assert left_m - 0.01 <= vehicle.hall_left_m <= left_m + 0.01
+        assert abs(vehicle.hall_left_m) <= vehicle.half_width_m
+
+
 def test_random_fields_draw_both_halves() -> None:
     drawn = [random_field(seed).world for seed in range(40)]
     delays = [world.lens.delay_s for world in drawn]
