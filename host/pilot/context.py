@@ -50,8 +50,6 @@ BLIND_ON_M = 1.5
 """What a turn leaves of a strip's beginning at most."""
 PAST_LEFT_M = 3.0
 """Of a strip, for which it is worth while to go past what stands beside it."""
-REGAINS = 2
-"""Times, at most, that the machine goes back to the crop beside it, on a side."""
 STAND_S = 1.5
 """After so long told to stand, creeping counts as standing."""
 
@@ -105,8 +103,8 @@ class Context:
         to be found."""
         self.backs = 0
         """How often the machine has backed off on this side."""
-        self.regained = 0
-        """How often it has gone back on this side because its crop stood beside it."""
+        self.regained: list[float] = []
+        """Travelled distances from which it has gone back on this side to crop beside it."""
         self.crept = 0
         """How often it has gone on unseeing on this side by what a look had shown."""
         self._creeps_to_m = -math.inf
@@ -321,7 +319,8 @@ class Context:
         self.estimate.cut.begin(self.strip.clear_end_m)
         self.sight.begin(self.motion)
         self.look = Look()  # shuttles drive the same way again: the last look's place says nothing
-        self.backs = self.bare = self.regained = self.crept = 0
+        self.backs = self.bare = self.crept = 0
+        self.regained.clear()
         self._creeps_to_m = self.stands_at_m = -math.inf
 
     def why_unseen(self, otherwise: str) -> str:
@@ -348,12 +347,6 @@ class Context:
         self._passes_m2 = self.strip.left_m2
         turning.go_past(self.motion, *self.estimate.lane.backwards)
         return True
-
-    def may_regain(self) -> bool:
-        """Whether the machine has come off its strip's crop, which is seen beside it or with its
-        edge elsewhere, and has not come back to it in vain."""
-        beside = self.sight.beside(self.motion) or self.estimate.cut.beside
-        return self.regained < REGAINS and beside
 
     def creep(self, to_m: float) -> None:
         """On without an edge, up to that travelled distance."""

@@ -21,6 +21,9 @@ LEFT_SHARE = 0.05
 """Of the field: with more than that it is not harvested."""
 GIVE_UP_S = 60.0
 """A hesitation that lasts this long needs a person."""
+REGAINS, GAIN_M = 2, 1.5
+"""Times, at most, that the machine goes back to the crop beside it, from places no farther apart on
+a side: one that has cut on by more has not gone back in vain."""
 
 
 class SideEnd(Reason):
@@ -134,6 +137,14 @@ def end_by_plan(context: Context, now: float) -> Go | None:
     context.by_plan = True
     context.left_standing_m2 += context.strip.left_m2
     return end_side(context, now, EndOfField(now, context.motion))
+
+
+def may_regain(context: Context) -> bool:
+    """Whether the machine has come off its strip's crop, which is seen beside it or with its edge
+    elsewhere, and has not come back to it in vain."""
+    here_m = context.motion.distance_m
+    beside = context.sight.beside(context.motion) or context.estimate.cut.beside
+    return beside and sum(at_m > here_m - GAIN_M for at_m in context.regained) < REGAINS
 
 
 def little_left(context: Context) -> bool:

@@ -20,6 +20,7 @@ from host.pilot.endings import (
     leave_rest,
     leave_strip,
     little_left,
+    may_regain,
     or_elsewhere,
 )
 from host.pilot.gaze import STOP_AFTER_S, Gaze
@@ -199,7 +200,7 @@ class Follow(Behaviour):
             here = EndOfField(now, context.motion)
             context.strip.ends_at(end_m)
             return end_side(context, now, here, looked=True)
-        if context.may_regain():
+        if may_regain(context):
             return Beside.REGAIN.go()
         left_m = context.strip.left_m()
         if context.strip.last and left_m < NEARLY_M:
@@ -214,7 +215,7 @@ class Follow(Behaviour):
             if go is not None:
                 return go
         clear_m = f"{guard.clear_m:.1f}"
-        if context.regained == 0 and context.strip.placed:
+        if not context.regained and context.strip.placed:
             return Beside.AGAIN.go(clear=clear_m)
         if guard.unseen and not context.sight.sees_ahead():
             why = context.why_unseen("no sure view")
@@ -268,7 +269,7 @@ class Follow(Behaviour):
             return end_side(context, now, here)
         searched = not ahead.entered and context.cut_m > strip.search_m
         if searched and ahead.crop_at_m - context.motion.distance_m > NO_CROP_M:
-            if context.may_regain():
+            if may_regain(context):
                 return Beside.REGAIN.go()
             if little_left(context):
                 context.remains.nothing_stands()

@@ -9,7 +9,7 @@ from __future__ import annotations
 from host.estimate.crop_ahead import EndOfField
 from host.pilot.behaviours.base import Behaviour, Step
 from host.pilot.behaviours.look_at_edge import rolls_on
-from host.pilot.endings import Beside, Elsewhere, SideEnd, end_side, little_left
+from host.pilot.endings import Beside, Elsewhere, SideEnd, end_side, little_left, may_regain
 from host.pilot.gaze import Gaze
 from host.pilot.phase import Doing, Go, Phase, Reason
 from host.pilot.stop_and_look import LOOKING
@@ -76,7 +76,7 @@ class LookAtEnd(Behaviour):
             if context.strip.may_end_at(end_m):
                 context.strip.ends_at(end_m)
                 return end_side(context, now, here, looked=True)
-            if context.may_regain():
+            if may_regain(context):
                 return Beside.REGAIN.go()
             if not context.strip.beside_swath:
                 return Why.CROP_GONE.go()

@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 from host.core.messages import Frame
+from host.pilot.behaviours.look_at_edge import EDGE_KNOWN_M, LookAtEdge
+from host.pilot.behaviours.look_at_edge import Why as Looked
 from host.pilot.behaviours.regain import RUN_UP_M, Regain
 from host.pilot.behaviours.regain import Why as Regained
+from host.pilot.context import STAND_S
 from host.pilot.leaps import LEAP_PICTURES
 from tests.helpers.behaving import (
     CUTTING,
@@ -71,3 +74,19 @@ def test_it_goes_back_no_farther_than_the_geofence_lets_it() -> None:
     regain.enter(NOW)
     assert is_for(regain.blocked(NOW, TOO_NEAR), Regained.BACK)
     assert not context.estimate.cut.refused
+
+
+def test_the_edges_that_led_it_off_its_crop_do_not_speak_against_what_a_look_shows() -> None:
+    """Over three metres they had agreed with a lane that ran 9 degrees askew, and the next look's
+    sure edge, half a metre aside, passed for a patch's (picture field 10655)."""
+    context = on_side(cut_m=5.0)
+    context.sight.agreed_m = 2.0 * EDGE_KNOWN_M
+    context.estimate.lane.contradicted = True
+    context.sight.edge_at_m = context.motion.distance_m
+    look = LookAtEdge(context)
+    context.since = NOW - 2.0 * STAND_S
+    context.look.begin(NOW - 1.0, context.motion.distance_m)
+    go = look.step(NOW)[1]
+    assert go is not None and is_for(go, Looked.SEEN), "a patch's"
+    Regain(context).enter(NOW)
+    assert look.step(NOW)[1] is None, "until it is believed"
