@@ -140,6 +140,11 @@ class CutGuard:
         return self._mown_to_m - self._way_m
 
     @property
+    def cut_m(self) -> float:
+        """How far past this side's beginning pictures have shown crop at the blade."""
+        return max(0.0, self._cut_to_m - self._begun_m)
+
+    @property
     def driven_m(self) -> float:
         """How far the machine has come since the side was begun, at most."""
         return self._way_m - self._begun_m

@@ -104,7 +104,7 @@ class Context:
         self.backs = 0
         """How often the machine has backed off on this side."""
         self.regained: list[float] = []
-        """Travelled distances from which it has gone back on this side to crop beside it."""
+        """How far it had cut each time it went back on this side to crop beside it, m."""
         self.crept = 0
         """How often it has gone on unseeing on this side by what a look had shown."""
         self._creeps_to_m = -math.inf

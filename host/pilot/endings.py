@@ -22,8 +22,8 @@ LEFT_SHARE = 0.05
 GIVE_UP_S = 60.0
 """A hesitation that lasts this long needs a person."""
 REGAINS, GAIN_M = 2, 1.5
-"""Times, at most, that the machine goes back to the crop beside it, from places no farther apart on
-a side: one that has cut on by more has not gone back in vain."""
+"""Times, at most, that the machine goes back to the crop beside it on a side without having cut so
+much farther: one that has did not go back in vain."""
 
 
 class SideEnd(Reason):
@@ -142,9 +142,9 @@ def end_by_plan(context: Context, now: float) -> Go | None:
 def may_regain(context: Context) -> bool:
     """Whether the machine has come off its strip's crop, which is seen beside it or with its edge
     elsewhere, and has not come back to it in vain."""
-    here_m = context.motion.distance_m
-    beside = context.sight.beside(context.motion) or context.estimate.cut.beside
-    return beside and sum(at_m > here_m - GAIN_M for at_m in context.regained) < REGAINS
+    cut = context.estimate.cut
+    beside = context.sight.beside(context.motion) or cut.beside
+    return beside and sum(at_m > cut.cut_m - GAIN_M for at_m in context.regained) < REGAINS
 
 
 def little_left(context: Context) -> bool:

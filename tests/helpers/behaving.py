@@ -243,7 +243,7 @@ def bent_plan() -> Plan:
 def refused(context: Context, *, beside: bool, again: bool = False) -> Go | None:
     """What following makes of clear ground that a look has confirmed; `again`: that the machine
     came back to."""
-    context.regained += [context.motion.distance_m] * again
+    context.regained += [context.estimate.cut.cut_m] * again
     context.estimate.cut.refused = True
     context.sight.beside_at_m = context.motion.distance_m if beside else -math.inf
     return Follow(context).step(NOW)[1]

@@ -48,7 +48,7 @@ class Regain(Behaviour):
         begun_at = context.sight.ahead.begun_at
         least_m = begun_at.distance_m if begun_at is not None else -math.inf
         self._to_m = max(least_m, context.motion.distance_m - back_m)
-        context.regained.append(context.motion.distance_m)
+        context.regained.append(context.estimate.cut.cut_m)
         # Edges that led off the crop agreed with the lane, and do not speak for it.
         context.sight.agreed_m = 0.0
         context.strip.sought = True

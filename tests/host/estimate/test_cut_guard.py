@@ -529,3 +529,15 @@ def test_beside_the_gap_a_look_at_crop_without_an_edge_leads_on_where_no_gap_can
     drive.crop_ahead = lambda _: 0.0
     drive.run(LOOK_S + 1.0)
     assert drive.guard.refused is not goes_on
+
+
+@pytest.mark.parametrize("own", [True, False])
+def test_over_clear_ground_nothing_is_cut_on(own: bool) -> None:
+    """Nor on the way back from it."""
+    drive = at_clear_ground(own=own)
+    assert drive.x > 2.3
+    assert drive.guard.cut_m == pytest.approx(2.0, abs=0.3)
+    drive.run(2.0, replace(GO, speed_mps=-0.5, blade=False))
+    assert drive.guard.cut_m == pytest.approx(2.0, abs=0.3)
+    drive.guard.begin()
+    assert drive.guard.cut_m == 0.0

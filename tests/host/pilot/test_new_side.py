@@ -416,7 +416,7 @@ def test_a_stop_at_clear_ground_ends_a_side_of_a_boundary_that_is_to_be_found(
         cut_m, abs=0.6
     )
     context = along(cut_m, KNOWN)
-    context.estimate.cut.refused, context.regained = True, [context.motion.distance_m]
+    context.estimate.cut.refused, context.regained = True, [0.0]
     known = Followed.CLEAR_GROUND if cut_m < 9.0 else Elsewhere.AT_BOUNDARY
     assert is_for(Follow(context).step(NOW)[1], known)
 
@@ -452,7 +452,7 @@ def test_an_end_that_a_look_found_elsewhere_makes_the_place_doubted(
 def test_clear_ground_far_from_any_end_that_the_walk_may_mean_stops_the_machine() -> None:
     """What is wrong by so much is the place, and beyond may stand the neighbour's crop."""
     context = along(5.0)
-    context.estimate.cut.refused, context.regained = True, [context.motion.distance_m]
+    context.estimate.cut.refused, context.regained = True, [0.0]
     assert is_for(Follow(context).step(NOW)[1], Followed.CLEAR_GROUND)
 
 

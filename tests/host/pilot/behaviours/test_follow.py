@@ -366,19 +366,21 @@ def test_clear_ground_sends_the_machine_back_twice_with_crop_beside_it_and_once_
     assert is_for(refused(context, beside=beside), Beside.REGAIN if beside else Beside.AGAIN)
     wanted = Beside.REGAIN if beside else Followed.CLEAR_GROUND
     assert is_for(refused(context, beside=beside, again=True), wanted)
-    context.regained = [context.motion.distance_m] * REGAINS
+    context.regained = [0.0] * REGAINS
     assert is_for(refused(context, beside=beside), Followed.CLEAR_GROUND)
     context.begin_strip()
     assert not context.regained, "another strip"
 
 
 @pytest.mark.parametrize(("on_m", "may"), [(0.9 * GAIN_M, False), (1.1 * GAIN_M, True)])
-def test_a_machine_that_has_cut_on_may_go_back_to_its_crop_again(on_m: float, may: bool) -> None:
+def test_a_machine_that_has_cut_on_may_go_back_to_its_crop_again(
+    on_m: float, may: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """It had come off its first slanting edge twice, cut three metres on, came off once more and
     stopped for good (picture field 10655)."""
     context = on_side(cut_m=3.0)
-    context.regained = [context.motion.distance_m] * REGAINS
-    moved(context, 3.0 + on_m)
+    context.regained = [3.0] * REGAINS
+    monkeypatch.setattr(CutGuard, "cut_m", 3.0 + on_m)
     wanted = Beside.REGAIN if may else Followed.CLEAR_GROUND
     assert is_for(refused(context, beside=True), wanted)
 
@@ -430,7 +432,7 @@ def test_a_machine_that_does_not_find_what_it_gathers_has_lost_its_place_and_goe
     cut_elsewhere(context, 3.0 * GETS_ON_M)
     context.begin_strip()
     context.sight.ahead.entered_at = context.motion
-    context.regained = [context.motion.distance_m] * REGAINS
+    context.regained = [0.0] * REGAINS
     context.by_plan = True
     monkeypatch.setattr(type(context.strip), "left_m", lambda _: 5.0)
     monkeypatch.setattr(type(context.strip), "overrun", lambda _: long)
