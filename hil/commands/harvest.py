@@ -92,10 +92,15 @@ def harvest_command(
         if isinstance(value, int | float) and not isinstance(value, bool):
             table.add_row(*cells_of(key, value))
     PlainConsole().print_table(table)
-    echo(f"written to {out}: {', '.join(sorted(written_since(out, begun)))}")
+    written = sorted(written_since(out, begun))
+    echo(f"written to {out}: {', '.join(written)}")
     if summary["outcome"] != "finished":
         kind = FaultError if summary["outcome"] == "fault" else UnfinishedError
+        shows = f"`daranti-hil report {out}` shows it all"
+        if "map.png" in written:
+            shows = f"see {out / 'map.png'}; {shows}"
+        else:
+            shows = "with --set record.files=all it draws a map and keeps a record"
         raise kind(
-            f"the field was not finished: {summary['outcome']}: {summary['reason']} "
-            f"(see {out / 'map.png'}; `daranti-hil report {out}` shows it all)"
+            f"the field was not finished: {summary['outcome']}: {summary['reason']} ({shows})"
         )
