@@ -34,9 +34,10 @@ LANE_SIGMA_M = 0.3
 weeds or thin crop, or where no edge line shows (short remnants, slanting ends), dead reckoning does
 for some metres."""
 BEFORE_EDGE_SIGMA_M = 0.6
-"""The same where a slanting border lies before the edge: standing there shows no more of it than
-the corner from which it runs, and the nearer that is, the better. Smaller: it waits there for a
-clearer view, in vain; larger: it may come off its crop before it sees the edge."""
+"""The same where a slanting border lies before the edge, or the strip's crop stands beside the
+machine's way: standing there shows no more of it than the corner from which it runs, or the side of
+what stands, and the nearer that is, the better. Smaller: it waits there for a clearer view, in vain;
+larger: it may come off its crop before it sees the edge."""
 DUST_SIGMA_M = 0.12
 """From here on it is worth a stop to look without the blade's dust."""
 LOOK_AFTER_M = 1.0
@@ -73,7 +74,8 @@ def lane_unknown(context: Context) -> bool:
     sigma_m = context.estimate.lane.offset_sigma_m
     if sigma_m <= LANE_SIGMA_M:
         return False
-    before = context.strip.before_edge(context.motion)
+    here = context.motion
+    before = context.strip.before_edge(here) or context.sight.beside(here)
     return not before or sigma_m > BEFORE_EDGE_SIGMA_M
 
 

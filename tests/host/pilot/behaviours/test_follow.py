@@ -372,6 +372,20 @@ def test_clear_ground_sends_the_machine_back_twice_with_crop_beside_it_and_once_
     assert not context.regained, "another strip"
 
 
+@pytest.mark.parametrize(
+    ("beside", "off_m", "waits"), [(False, 0.4, True), (True, 0.4, False), (True, 0.7, True)]
+)
+def test_a_machine_beside_its_crop_drives_to_where_it_sees_its_edge(
+    beside: bool, off_m: float, waits: bool
+) -> None:
+    """It stood 0.9 m beside the next strip, and a minute's looks made it no surer (model field
+    12325). What is not known by so much is looked for all the same."""
+    context = on_side(cut_m=3.0)
+    context.estimate.lane.place(0.0, 0.0, off_m, 0.02)
+    context.sight.beside_at_m = context.motion.distance_m if beside else -math.inf
+    assert is_for(Follow(context).step(NOW)[1], Followed.EDGE_LOST if waits else None)
+
+
 @pytest.mark.parametrize(("on_m", "may"), [(0.9 * GAIN_M, False), (1.1 * GAIN_M, True)])
 def test_a_machine_that_has_cut_on_may_go_back_to_its_crop_again(
     on_m: float, may: bool, monkeypatch: pytest.MonkeyPatch
