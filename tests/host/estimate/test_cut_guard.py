@@ -218,6 +218,25 @@ def test_beside_the_gap_a_look_counts_an_edge_that_is_too_unsure_to_steer_by(
     assert drive.guard.refused is not goes_on
 
 
+@pytest.mark.parametrize(
+    ("edges", "goes_on"),
+    [
+        ((0.07, 0.5, -0.07), True),
+        ((0.07, 0.5, 0.6, 0.2, 0.3), False),
+        ((0.15, 0.15, 0.15), False),
+    ],
+)
+def test_beside_the_gap_a_look_counts_the_least_sure_edge_right_where_it_should_be(
+    edges: tuple[float, ...], goes_on: bool
+) -> None:
+    """A low camera saw the edge within five centimetres of the lane, a tenth sure, and took its
+    crop for the neighbour's (model field 12328)."""
+    drive = at_clear_ground(beside=True)
+    drive.edge_sure = 0.1
+    look(drive, edges)
+    assert drive.guard.refused is not goes_on
+
+
 @pytest.mark.parametrize("beside", [False, True])
 def test_beside_the_gap_clear_ground_is_crossed_along_an_edge_in_line_only(beside: bool) -> None:
     """Crop that stands somewhere left of the machine does elsewhere: it may be across the gap."""
