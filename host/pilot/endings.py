@@ -142,9 +142,14 @@ def end_by_plan(context: Context, now: float) -> Go | None:
 def may_regain(context: Context) -> bool:
     """Whether the machine has come off its strip's crop, which is seen beside it or with its edge
     elsewhere, and has not come back to it in vain."""
-    cut = context.estimate.cut
-    beside = context.sight.beside(context.motion) or cut.beside
-    return beside and sum(at_m > cut.cut_m - GAIN_M for at_m in context.regained) < REGAINS
+    beside = context.sight.beside(context.motion) or context.estimate.cut.beside
+    return beside and back_in_vain(context) < REGAINS
+
+
+def back_in_vain(context: Context) -> int:
+    """How often it has gone back on this side without having cut on since."""
+    least_m = context.estimate.cut.cut_m - GAIN_M
+    return sum(at_m > least_m for at_m in context.regained)
 
 
 def little_left(context: Context) -> bool:

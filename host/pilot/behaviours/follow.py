@@ -15,6 +15,7 @@ from host.pilot.endings import (
     Elsewhere,
     SideEnd,
     Standing,
+    back_in_vain,
     end_by_plan,
     end_side,
     leave_rest,
@@ -36,7 +37,7 @@ for some metres."""
 BEFORE_EDGE_SIGMA_M = 0.6
 """The same where a slanting border lies before the edge, or the strip's crop stands beside the
 machine's way: standing there shows no more of it than the corner from which it runs, or the side of
-what stands, and the nearer that is, the better. Smaller: it waits there for a clearer view, in vain;
+what stands, and the nearer that is, the better. Smaller: it waits there in vain for a clearer view;
 larger: it may come off its crop before it sees the edge."""
 DUST_SIGMA_M = 0.12
 """From here on it is worth a stop to look without the blade's dust."""
@@ -217,7 +218,7 @@ class Follow(Behaviour):
             if go is not None:
                 return go
         clear_m = f"{guard.clear_m:.1f}"
-        if not context.regained and context.strip.placed:
+        if back_in_vain(context) == 0 and context.strip.placed:
             return Beside.AGAIN.go(clear=clear_m)
         if guard.unseen and not context.sight.sees_ahead():
             why = context.why_unseen("no sure view")

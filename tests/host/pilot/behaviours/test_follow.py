@@ -395,8 +395,9 @@ def test_a_machine_that_has_cut_on_may_go_back_to_its_crop_again(
     context = on_side(cut_m=3.0)
     context.regained = [3.0] * REGAINS
     monkeypatch.setattr(CutGuard, "cut_m", 3.0 + on_m)
-    wanted = Beside.REGAIN if may else Followed.CLEAR_GROUND
-    assert is_for(refused(context, beside=True), wanted)
+    goes_back = refused(context, beside=True), refused(context, beside=False)
+    for go, why in zip(goes_back, (Beside.REGAIN, Beside.AGAIN), strict=True):
+        assert is_for(go, why if may else Followed.CLEAR_GROUND)
 
 
 @pytest.mark.parametrize("seen", [True, False])
