@@ -99,6 +99,8 @@ class CutGuard:
         and no clear ground for a machine that has backed over it."""
         self._mown_to_m = -math.inf
         """The way as far as the blade has turned on this side."""
+        self.blade_stamp = -math.inf
+        """When it last turned."""
         self._clear_from_m: float | None = None
         self._clear_to_m = -math.inf
         """As far as pictures have shown that ground to be clear."""
@@ -204,6 +206,7 @@ class CutGuard:
             return
         self._way_m += self._speed(telemetry) * dt
         if telemetry.blade:
+            self.blade_stamp = telemetry.stamp
             self._mown_to_m = max(self._mown_to_m, self._way_m)
         self._past.append((telemetry.stamp, self._way_m))
         while self._past[0][0] < telemetry.stamp - HISTORY_S:

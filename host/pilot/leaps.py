@@ -14,7 +14,7 @@ LEAP_PICTURES, ALIKE_M = 3, 0.15
 lane that a turn has left known to a third of a metre lets another strip's edge pass, and one
 picture in a hundred shows that."""
 LEAP_STAYS_S: Final = 2.0
-"""It is believed when it stays that long after the machine was told to stand."""
+"""It is believed when it stays that long after the blade was last turning."""
 INWARD_M: Final = 0.06
 """In dust an edge that has moved inside by more is the dust's."""
 

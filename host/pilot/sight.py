@@ -189,7 +189,7 @@ class Sight:
             if self._whose.is_lanes(view, strip, turning, then):
                 edge_m = strip.edge_m(view, then)
                 leap_m = edge_m + estimate.lane.blade_offset_m
-                dusts = self._dusty_leap(leap_m, strip, gaze, then, since)
+                dusts = self._dusty_leap(leap_m, strip, gaze, then)
                 if self._leap.confirmed(leap_m) and not dusts:
                     # Crop that stands elsewhere passes before a machine that turns.
                     self._take_edge(
@@ -389,11 +389,10 @@ class Sight:
         if ends and clear and self.ahead.entered and view.crop_ahead_m < NEAR_CROP_M:
             strip.goes_on(seen.motion)
 
-    def _dusty_leap(
-        self, leap_m: float, strip: Strip, gaze: Gaze, then: Motion, since: float
-    ) -> bool:
+    def _dusty_leap(self, leap_m: float, strip: Strip, gaze: Gaze, then: Motion) -> bool:
         """Whether an edge that lies so far left of the lane's is the dust's."""
-        dusty = gaze.cutting or (gaze.hesitates and then.stamp - since < LEAP_STAYS_S)
+        turned_s = then.stamp - self._estimate.cut.blade_stamp
+        dusty = (gaze.cutting or gaze.hesitates) and turned_s < LEAP_STAYS_S
         # Before the side's crop is met the blade raises no dust.
         in_dust = self.ahead.entered and self.ahead.in_dust(*EDGE_SURE)
         return dusty and strip.placed and is_dusts(leap_m, in_dust, self._vehicle.blade_width_m)

@@ -95,6 +95,25 @@ def test_standing_across_the_next_lane_no_edge_is_its(
     assert (context.sight.edge_at_m > 0.0) is taken
 
 
+@pytest.mark.parametrize(("turned_s", "taken"), [(1.0, False), (3.0, True)])
+def test_an_edge_inside_is_the_dusts_only_while_the_blade_has_turned_of_late(
+    turned_s: float, taken: bool
+) -> None:
+    """A machine that the guard of its blade held in place saw its edge 0.6 m inside, surely, for
+    four seconds, and believed none of it (model field 12379)."""
+    context = on_side(cut_m=3.0, eye=Shown(replace(CUTTING, edge_offset_m=0.6)))
+    telemetry = context.telemetry
+    assert telemetry is not None
+    context.estimate.cut.take_telemetry(replace(telemetry, stamp=NOW + 0.01, blade=True))
+    context.sight.edge_at_m = 0.0
+    for k in range(2 * LEAP_PICTURES):
+        stamp = NOW + turned_s + 0.01 * k
+        moved(context, 3.0 + 0.02 * k, 0.2, stamp=stamp)
+        frame = Frame(stamp, np.zeros((2, 2, 3), np.uint8))
+        context.sight.take(frame, Follow.gaze, context.strip, None, NOW - 20.0, lambda _: True)
+    assert (context.sight.edge_at_m > 0.0) is taken
+
+
 @pytest.mark.parametrize(("stood_s", "told"), [(3.0, True), (0.5, False)])
 def test_where_its_beginning_slants_a_standing_machine_takes_the_corner_for_its_edge(
     stood_s: float, told: bool
