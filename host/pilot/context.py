@@ -105,6 +105,8 @@ class Context:
         """How often the machine has backed off on this side."""
         self.regained: list[float] = []
         """How far it had cut each time it went back on this side to crop beside it, m."""
+        self.blind_from_m: list[float] = []
+        """Travelled distances from which it has gone on by dead reckoning, after a look in vain."""
         self.crept = 0
         """How often it has gone on unseeing on this side by what a look had shown."""
         self._creeps_to_m = -math.inf
@@ -321,6 +323,7 @@ class Context:
         self.look = Look()  # shuttles drive the same way again: the last look's place says nothing
         self.backs = self.bare = self.crept = 0
         self.regained.clear()
+        self.blind_from_m.clear()
         self._creeps_to_m = self.stands_at_m = -math.inf
 
     def why_unseen(self, otherwise: str) -> str:

@@ -12,6 +12,7 @@ from host.pilot.behaviours.back_off import (
     BACK_AFTER_S,
     BACK_M,
     BACKS,
+    BLIND_GOES,
     CREEP_M,
     CREEP_SIGMA_M,
     CREEPS,
@@ -155,6 +156,26 @@ def test_having_backed_it_goes_on_at_a_strips_beginning(cut_m: float, sees: bool
     context.sight.usable.stamp = late if sees else NOW
     own = sees and cut_m < BEGINNING_M
     assert is_for(behaviour.step(late)[1], BackedOff.OWN_CROP if own else None)
+
+
+@pytest.mark.parametrize(("on_m", "goes"), [(0.45, 5), (0.3, BLIND_GOES)])
+def test_a_machine_that_gets_nowhere_goes_on_unseeing_a_few_times_only(
+    on_m: float, goes: int
+) -> None:
+    """It had backed as far as it got on, for a quarter of an hour, and had gone into the
+    neighbour's crop (model field 12411)."""
+    context, gone = on_side(cut_m=0.0), 0
+    context.backs = BACKS
+    for k in range(5):
+        moved(context, on_m * k, stamp=NOW + 0.01 * (k + 1))
+        context.sight.seen_at_m = context.motion.distance_m
+        context.sight.seen.broken = context.sight.usable.stamp = NOW
+        behaviour, late = BackOff(context), NOW + LOOKED_S + 0.1
+        context.sight.usable.stamp = late
+        gone += is_for(behaviour.step(late)[1], BackedOff.OWN_CROP)
+    assert gone == goes
+    context.begin_strip()
+    assert not context.blind_from_m, "another strip"
 
 
 @pytest.mark.parametrize(
