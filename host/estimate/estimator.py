@@ -17,6 +17,7 @@ from host.estimate.lane import Lane
 from host.estimate.last_round import Trails
 from host.estimate.measurements.rest import rest
 from host.estimate.measurements.speed import speed
+from host.estimate.moved_place import MovedPlace
 from host.estimate.odometry import Motion, Odometry
 from host.estimate.picture_motion import PictureMotion
 from host.estimate.position import Position
@@ -45,6 +46,7 @@ class Estimator:
         self.speed = SpeedWatch(vehicle)
         self.steady = SteadySpeed()
         self.pictures = PictureMotion(vehicle)
+        self.moved = MovedPlace()
         self.backwards = False
         """Whether the latest fix shows the machine moving against its heading."""
         self.askew_rad = 0.0
@@ -79,6 +81,7 @@ class Estimator:
         """Moves on."""
         motion = self.odometry.update(telemetry)
         self.position.predict(motion, cutting=telemetry.blade)
+        self.moved.take(self.position.pose if self.position.known else None, motion)
         self._learn()
         self.direction.move(motion)
         self.cut.take_telemetry(telemetry)

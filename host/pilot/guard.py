@@ -19,6 +19,7 @@ from host.core.vehicle import Vehicle
 from host.estimate.borders import Borders
 from host.estimate.course_check import ELSEWHERE_RAD
 from host.estimate.estimator import Estimator
+from host.estimate.moved_place import MOST_M, WAY_M
 from host.estimate.position import Position
 from host.field import sweep
 from host.field.areas import GAP_MARGIN_M, Geofence, Level, Verdict, areas_of, outline_of, placed
@@ -91,6 +92,11 @@ class Watched(Reason):
         "a corner of the boundary seems to lie {off_m} m from where it was walked: the machine "
         "has lost its place, put it on a corner of what stands",
     )
+    MOVED = (
+        Doing.FAULT,
+        "what it has seen within {way_m} m of way has moved its place by {moved_m} m: it has lost "
+        "it, put the machine on a corner of what stands",
+    )
     GEOFENCE = Doing.FAULT, "{why}"
 
 
@@ -122,6 +128,9 @@ def watch(state: State, estimate: Estimator, faults: int = 0) -> Go | None:
     astray_m = estimate.position.outline.astray_m
     if astray_m > max(ASTRAY_M, ASTRAY_SIGMAS * estimate.position.sigma_m):
         return Watched.ASTRAY.go(off_m=f"{astray_m:.0f}")
+    moved_m = estimate.moved.moved_m
+    if moved_m > MOST_M:
+        return Watched.MOVED.go(way_m=f"{WAY_M:.0f}", moved_m=f"{moved_m:.1f}")
     return None
 
 
