@@ -81,7 +81,8 @@ class Estimator:
         """Moves on."""
         motion = self.odometry.update(telemetry)
         self.position.predict(motion, cutting=telemetry.blade)
-        self.moved.take(self.position.pose if self.position.known else None, motion)
+        place = self.position.pose if self.position.known else None
+        self.moved.take(place, motion, self.position.placed)
         self._learn()
         self.direction.move(motion)
         self.cut.take_telemetry(telemetry)

@@ -28,6 +28,7 @@ class MovedPlace:
 
     def __init__(self) -> None:
         self._last: tuple[Pose, Motion] | None = None
+        self._placed = 0
         self._moves: deque[tuple[float, float, float]] = deque()
         """Way driven, and what measurements moved along x and y, m, of each step on which it drove
         and what it stood before."""
@@ -35,10 +36,12 @@ class MovedPlace:
         """All of these, and those moves."""
         self._stood = 0.0, 0.0
 
-    def take(self, pose: Pose | None, motion: Motion) -> None:
-        """The place now, None where it is not known, and dead reckoning's motion until now."""
+    def take(self, pose: Pose | None, motion: Motion, placed: int = 0) -> None:
+        """The place now, None where it is not known, and dead reckoning's motion until now.
+        `placed`: how often a place was given, which is no move."""
+        given, self._placed = placed != self._placed, placed
         last, self._last = self._last, None if pose is None else (pose, motion)
-        if last is None or pose is None:
+        if last is None or pose is None or given:
             self._moves.clear()
             self._way_m = self._x_m = self._y_m = 0.0
             self._stood = 0.0, 0.0

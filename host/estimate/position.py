@@ -115,7 +115,7 @@ class Position(Readings):
         with_corners[Y, corners] = s * ahead + c * left
         with_corners[YAW, corners] = self.outline.turning(side.edge) * (bend_1pm == 0.0)
         self._p = with_corners @ self._p @ with_corners.T
-        self.known = True
+        self.known, self.placed = True, self.placed + 1
         self._other_edge(side)
 
     def open(

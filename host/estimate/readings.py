@@ -66,7 +66,9 @@ class Readings(Filter):
         self._lane_of = NO_SIDE
         self._beside: Wander | None = None
         self.known = False
-        """Whether it has a place in the plan."""
+        """Whether it has a place in the plan,"""
+        self.placed = 0
+        """and how often it was given one."""
 
     @property
     def _corners(self) -> NDArray[np.int64]:

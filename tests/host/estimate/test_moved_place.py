@@ -53,6 +53,8 @@ def test_a_place_that_is_given_is_no_move() -> None:
     for pose in ((0.0, 0.0, 0.0), (3.0, 0.0, 0.0), None, (9.0, 0.0, 0.0), (9.5, 0.0, 0.0)):
         watched.take(pose, still)
     assert watched.moved_m == pytest.approx(0.5)
+    watched.take((5.0, 0.0, 0.0), still, placed=1)
+    assert watched.moved_m == 0.0
 
 
 @pytest.mark.parametrize(("by_m", "stops"), [(1.8, False), (2.2, True)])
