@@ -382,6 +382,23 @@ def test_no_edge_is_the_lanes_while_that_lies_out_of_view(aside_m: float, taken:
     assert left_m == pytest.approx(0.0 if taken else put_m, abs=0.3)
 
 
+def test_a_place_that_a_measurement_moves_by_metres_stops_the_machine_and_a_given_one_not() -> None:
+    """An end of another strip, taken for this one's by a machine that is unsure of its place."""
+    for given in (True, False):
+        world = SimpleWorld(VEHICLE)
+        pilot = Pilot(VEHICLE, world, PLAN)
+        drive(world, pilot, 8.0)
+        along_m, position = pilot.position.along(FIRST), pilot.position
+        if given:
+            position.place(FIRST, along_m + 3.0, pilot.lane.offset_m, 0.0, (0.4, 0.4, 0.02))
+        else:
+            position.less_sure_along(FIRST, 5.0)
+            position.at_end(FIRST, along_m + 3.0 - FIRST.length_m)
+        drive(world, pilot, 0.2)
+        assert (pilot.phase is Phase.FAULT) is not given
+        assert ("has moved its place by" in pilot.reason) is not given
+
+
 def test_where_the_border_slants_at_the_start_the_operators_alignment_counts() -> None:
     world = SimpleWorld(VEHICLE)
     seen = corner_of(world, 2.0)
