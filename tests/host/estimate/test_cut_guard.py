@@ -560,3 +560,6 @@ def test_over_clear_ground_nothing_is_cut_on(own: bool) -> None:
     assert drive.guard.cut_m == pytest.approx(2.0, abs=0.3)
     drive.guard.begin()
     assert drive.guard.cut_m == 0.0
+    drive.crop_ahead = lambda _: 0.0
+    drive.run(2.0, replace(GO, speed_mps=0.3))
+    assert drive.guard.cut_m == pytest.approx(0.6, abs=0.2), "of the side that was begun"

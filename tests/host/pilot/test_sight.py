@@ -96,8 +96,9 @@ def test_standing_across_the_next_lane_no_edge_is_its(
 
 
 @pytest.mark.parametrize(("turned_s", "taken"), [(1.0, False), (3.0, True)])
+@pytest.mark.parametrize("gaze", [Follow.gaze, BackOff.gaze])
 def test_an_edge_inside_is_the_dusts_only_while_the_blade_has_turned_of_late(
-    turned_s: float, taken: bool
+    gaze: Gaze, turned_s: float, taken: bool
 ) -> None:
     """A machine that the guard of its blade held in place saw its edge 0.6 m inside, surely, for
     four seconds, and believed none of it (model field 12379)."""
@@ -110,7 +111,7 @@ def test_an_edge_inside_is_the_dusts_only_while_the_blade_has_turned_of_late(
         stamp = NOW + turned_s + 0.01 * k
         moved(context, 3.0 + 0.02 * k, 0.2, stamp=stamp)
         frame = Frame(stamp, np.zeros((2, 2, 3), np.uint8))
-        context.sight.take(frame, Follow.gaze, context.strip, None, NOW - 20.0, lambda _: True)
+        context.sight.take(frame, gaze, context.strip, None, NOW - 20.0, lambda _: True)
     assert (context.sight.edge_at_m > 0.0) is taken
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from host.pilot.behaviours.look_at_end import BARE_LOOKS, LookAtEnd
 from host.pilot.behaviours.look_at_end import Why as EndLook
-from host.pilot.endings import Elsewhere
+from host.pilot.endings import REGAINS, Beside, Elsewhere
 from host.pilot.phase import Reason
 from tests.helpers.behaving import NOW, PLAN, clear_ahead, cut_beside, is_for, on_side
 
@@ -39,6 +39,19 @@ def test_looks_at_bare_ground_again_and_again_need_a_person() -> None:
         clear_ahead(context)
         go = LookAtEnd(context).step(NOW + 1.0)[1]
         assert is_for(go, EndLook.BARE_GROUND if k < BARE_LOOKS else EndLook.CROP_GONE)
+
+
+@pytest.mark.parametrize("vain", [False, True])
+def test_bare_ground_with_its_crop_beside_it_sends_the_machine_back_unless_in_vain(
+    vain: bool,
+) -> None:
+    context = on_side(cut_m=5.0)
+    context.bare, context.regained = BARE_LOOKS, [0.0] * (REGAINS * vain)
+    context.sight.beside_at_m = context.motion.distance_m
+    context.look.begin(NOW, 5.0)
+    clear_ahead(context)
+    go = LookAtEnd(context).step(NOW + 1.0)[1]
+    assert is_for(go, EndLook.CROP_GONE if vain else Beside.REGAIN)
 
 
 def test_right_beside_what_it_has_cut_bare_ground_is_driven_over() -> None:

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from host.core.messages import Frame
+from host.estimate.cut_guard import CutGuard
 from host.pilot.behaviours.look_at_edge import EDGE_KNOWN_M, LookAtEdge
 from host.pilot.behaviours.look_at_edge import Why as Looked
 from host.pilot.behaviours.regain import RUN_UP_M, Regain
 from host.pilot.behaviours.regain import Why as Regained
 from host.pilot.context import STAND_S
+from host.pilot.endings import GAIN_M, Beside
 from host.pilot.leaps import LEAP_PICTURES
 from tests.helpers.behaving import (
     CUTTING,
@@ -90,3 +92,18 @@ def test_the_edges_that_led_it_off_its_crop_do_not_speak_against_what_a_look_sho
     assert go is not None and is_for(go, Looked.SEEN), "a patch's"
     Regain(context).enter(NOW)
     assert look.step(NOW)[1] is None, "until it is believed"
+
+
+def test_each_way_back_counts_from_where_the_blade_has_cut_to(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    context, cut_m = on_side(cut_m=5.0), 4.0
+    goes = []
+    for on_m in (0.0, 0.0, 0.0, 1.1 * GAIN_M):
+        cut_m += on_m
+        monkeypatch.setattr(CutGuard, "cut_m", cut_m)
+        go = refused(context, beside=True)
+        goes.append(is_for(go, Beside.REGAIN))
+        if goes[-1]:
+            Regain(context).enter(NOW)
+    assert goes == [True, True, False, True]
