@@ -32,10 +32,6 @@ At a bend to the left the blade leaves the crop until the steering has followed,
 right it leaves a wedge beside the lane; 1.5 m ahead of the axle, it moves 60 deg askew of the
 machine on the lock. A corner to the left costs a turn, one to the right many shuttles, hence the
 two values."""
-SHARP_RAD: Final = math.radians(25.0)
-"""The same of a corner to the left between two pieces that are longer than SPAN_M. With 35
-degrees a low camera came off its crop at such corners and did not find it again: of 25 irregular
-random fields by the model 21 finished, and with this 23, the worst with 0.93 instead of 0.85."""
 SPAN_M: Final = 3.0
 """Way within which that change counts, two of a machine's lengths from axle to blade: bends that
 follow each other sooner are one to it. An edge that bends on a radius of more than 5 m is followed;
@@ -187,10 +183,7 @@ class _Ring:
     @functools.cached_property
     def sharp(self) -> NDArray[np.bool_]:
         """(n,) where a single point turns by more than a machine follows in passing."""
-        pieces = np.diff(self.along)
-        apart = np.minimum(pieces, np.roll(pieces, 1)) > SPAN_M
-        left = (self.turns > BEND_RAD[0]) | (apart & (self.turns > SHARP_RAD))
-        return np.asarray(left | (self.turns < -BEND_RAD[1]))
+        return np.asarray((self.turns > BEND_RAD[0]) | (self.turns < -BEND_RAD[1]))
 
     @functools.cached_property
     def tight(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

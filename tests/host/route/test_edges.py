@@ -53,22 +53,6 @@ def test_however_an_arc_was_recorded_it_is_followed_or_not_by_its_radius(step_de
     assert not any(edge.bent for edge in edges_of(rounded(3.8, step_deg)))
 
 
-@pytest.mark.parametrize(
-    ("bend_deg", "piece_m", "ends"),
-    [(23.0, 8.0, False), (27.0, 8.0, True), (27.0, 2.5, False), (37.0, 2.5, True)],
-)
-def test_a_corner_between_long_pieces_ends_a_side_sooner_than_one_of_an_arc(
-    bend_deg: float, piece_m: float, ends: bool
-) -> None:
-    """At 35 degrees between two straight borders a low camera came off its crop (model field
-    12311)."""
-    bend = math.radians(bend_deg)
-    x, y = 20.0 + piece_m * math.cos(bend), piece_m * math.sin(bend)
-    field = shapely.Polygon([(0, 0), (20, 0), (x, y), (x, y + 20), (0, 30)])
-    lengths = [edge.line.length for edge in edges_of(field)]
-    assert (pytest.approx(20.0 + piece_m, abs=0.01) in lengths) is not ends
-
-
 def test_two_corners_a_strip_apart_stay_two() -> None:
     """The end of one last strip, and the step that a shuttled strip leaves."""
     strip = edges_of(shapely.box(0, 0, 10, 1))
