@@ -33,6 +33,21 @@ class Lane:
         self.holds = False
         """Whether an edge that contradicts it is not believed however long it stays."""
         self._until_seen = False
+        self._round_rad = 0.0
+        """By how much the lane has bent to the left where its piece begins."""
+
+    @property
+    def rounding_rad(self) -> float:
+        """How much of the last bend the machine has still to turn through, where its blade goes on
+        along the lane: the rear axle is drawn after it on a tractrix."""
+        past_m = max(0.0, self._position.on_lane().blade_m)
+        left = math.tan(self._round_rad / 2) * math.exp(-past_m / self._blade_x)
+        return 2.0 * math.atan(left)
+
+    def bends(self, left_rad: float) -> None:
+        """The blade comes to where the lane bends by so much to the left. Before the position's
+        lane is that beyond."""
+        self._round_rad = self.rounding_rad + left_rad
 
     @property
     def heading_rad(self) -> float:
@@ -61,6 +76,16 @@ class Lane:
         place = position.on_lane()
         wander = 0.0 if position.beside else place.x.item(WANDER)
         return place.off_lane_m(self._blade_x, wander)
+
+    def left_end(self, half_m: float) -> tuple[float, float]:
+        """How far the blade's left end, half_m from its middle, is past the beginning of the lane's
+        side, and how far left of where it is on the lane, m."""
+        place, turned = self._position.on_lane(), self._turned_rad
+        off_m = place.off_lane_m(self._blade_x)
+        return (
+            place.blade_m - half_m * math.sin(turned),
+            off_m - half_m * (1.0 - math.cos(turned)),
+        )
 
     @property
     def off_m(self) -> float:
@@ -101,13 +126,14 @@ class Lane:
         self, offset_m: float, heading_rad: float, offset_sd: float, heading_sd: float
     ) -> None:
         """Starts over, beside a lane of no plan, from a pose that is known by other means."""
-        self.contradicted, self.aim_m = False, 0.0
+        self.contradicted, self.aim_m, self._round_rad = False, 0.0, 0.0
         self._position.open(offset_m, heading_rad, offset_sd, heading_sd)
 
     def begin(self, aim_m: float = 0.0, *, until_seen: bool = False) -> None:
         """Another lane is the position's from now on. `until_seen`: once a picture has shown its
         edge, the machine is driven along it."""
         self.contradicted, self.aim_m, self._until_seen = False, aim_m, until_seen
+        self._round_rad = 0.0
 
     def lies_right(self, edge_offset_most_m: float, since: tuple[float, float]) -> bool:
         """Crop was seen to go on beside the blade: the edge lies no further left than this, m. A

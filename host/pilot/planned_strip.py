@@ -255,7 +255,7 @@ class PlannedStrip(PlanSide):
         self.cut_unseen()
         if self.estimate.position.beside and self.along_m(here) > self._pressed_m:
             self.estimate.position.look(self.planned_piece, None)
-        self.estimate.trails.note(self.along_m(here) - self._pieces[self._at][0], here)
+        self.estimate.trails.note(*self.estimate.lane.left_end(self.vehicle.blade_width_m / 2))
         bends = [start for start, _ in self._pieces[self._at + 1 : self._at + 2]]
         if bends and self.along_m(here) > bends[0] - BEND_AHEAD_M:
             self._pass_bend()
@@ -337,6 +337,8 @@ class PlannedStrip(PlanSide):
     def _pass_bend(self) -> None:
         """The blade comes to the next bend: what is known goes on, against the line beyond."""
         past = self.planned_piece
+        _, left_rad = self.side.bends[self._at]
+        self.estimate.lane.bends(left_rad)
         self._at += 1
         self.estimate.trails.end(past)
         self.estimate.trails.begin(self.planned_piece)

@@ -67,11 +67,15 @@ def state(
 
 
 def follow(lane: Lane, motion: Motion, vehicle: Vehicle) -> float:
-    """The law that the vehicle's file names, driving forward."""
+    """The law that the vehicle's file names, driving forward. Past a bend the blade is to go on
+    along the lane at once: the rear axle is drawn after it."""
     if vehicle.steering_law == "proportional":
         return proportional(lane.off_m, vehicle)
-    offset, heading = lane.driven_off_m, lane.heading_rad
-    return state(offset, heading, motion.curvature_1pm, motion.speed_mps, vehicle)
+    to_turn, blade_m = lane.rounding_rad, vehicle.blade_x_m
+    aside_m, bend_1pm = blade_m * math.sin(to_turn), math.sin(to_turn) / blade_m
+    offset, heading = lane.driven_off_m - aside_m, lane.heading_rad + to_turn
+    feedback = state(offset, heading, motion.curvature_1pm - bend_1pm, motion.speed_mps, vehicle)
+    return _limit(bend_1pm + math.tan(feedback) / vehicle.wheelbase_m, vehicle)
 
 
 def back(lane: Lane, vehicle: Vehicle) -> float:

@@ -25,6 +25,9 @@ that a picture shows while the lane lies farther away is another one's."""
 TIP_M = 1.0
 """Of a strip that is begun inside, at whose right the last one's tip may stand: what a turn leaves
 of its beginning at most, twice."""
+OWN_SWATH_M = 0.3
+"""Nearer than the end of its own swath by more, a machine that has backed over it sees crop beside
+it, and no edge of its lane: every face's foot is known to a decimetre or two."""
 TIP_SIGMAS = 3.0
 """Of the lane, beyond which even a strip that is begun outside has such a tip at its right."""
 
@@ -36,6 +39,7 @@ class WhoseEdge:
         self._lane = estimate.lane
         self._odometry = estimate.odometry
         self._ahead = ahead
+        self._cut = estimate.cut
         self._blade_x = blade_x_m
 
     def is_lanes(self, view: CropView, strip: Strip, turning: Turning | None, then: Motion) -> bool:
@@ -57,7 +61,7 @@ class WhoseEdge:
         far = strip.placed and off_m > IN_VIEW_M
         if far and off_m > IN_VIEW_M + IN_VIEW_SIGMAS * lane.offset_sigma_m:
             return False
-        if self._before_begin(view, strip, then):
+        if self._before_begin(view, strip, then) or self._beside_swath(view):
             return False
         shows = strip.sought or strip.shows_edge(strip.along_m(then))
         return shows and not self._tip(view, strip, then)
@@ -69,6 +73,10 @@ class WhoseEdge:
         before_m = -(strip.along_m(then) + view.edge_ahead_m)
         # how surely the beginning is known, which takes long, is asked only where it decides
         return before_m > BEFORE_M and before_m > BEFORE_M + strip.begin_doubt_m
+
+    def _beside_swath(self, view: CropView) -> bool:
+        """Whether what the machine has just cut lies between the blade and what stands there."""
+        return view.edge_ahead_m < self._cut.over_cut_m - OWN_SWATH_M
 
     def _tip(self, view: CropView, strip: Strip, then: Motion) -> bool:
         """Whether the right end of the crop at the blade may be what the strip before has left

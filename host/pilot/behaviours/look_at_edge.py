@@ -25,8 +25,11 @@ class Why(Reason):
 
 def rolls_on(context: Context, now: float) -> bool:
     """Whether the machine is still on its way to a stand. A blade that stops first pushes the last
-    crop over instead of cutting it."""
-    return now - context.since < STAND_S and not context.standing(now)
+    crop over instead of cutting it, and the look begins when it has."""
+    rolls = now - context.since < STAND_S and not context.standing(now)
+    if rolls:
+        context.look.rolls(now)
+    return rolls
 
 
 class LookAtEdge(Behaviour):

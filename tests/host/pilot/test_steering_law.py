@@ -12,9 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from host.core.errors import EXIT_USER
+from host.core.frames import Pose2
 from host.core.vehicle import Vehicle
+from host.estimate.lane import Lane
 from host.estimate.odometry import Motion
+from host.estimate.position import Position
 from host.pilot import steering_law
+from host.pilot.planned_strip import BEND_AHEAD_M
+from host.route.side import Side
 from host.tune.follow_margins import LAWS, SPEEDS_MPS, Law, gains, margins, opened
 from tests.helpers.console import Cli
 from tests.helpers.places import OnLane
@@ -121,3 +126,37 @@ def test_standing_still_the_law_is_that_of_a_steering_without_lag() -> None:
     frequency, damping = VEHICLE.follow_frequency_1pm, VEHICLE.follow_damping
     expected = (frequency**2, 2 * damping * frequency, 0.0)
     assert steering_law.state_gains(0.0, VEHICLE) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("bend_deg", [-30.0, -10.0, 20.0, 33.0])
+def test_round_a_bend_the_blade_goes_on_along_its_lane(bend_deg: float) -> None:
+    """What it leaves beside that is the next round's edge. A law that brings the rear axle onto the
+    lane beyond lets the blade run 0.12 m past a bend of 30 degrees, for two metres."""
+    bend_at_m, dt = 6.0, 0.02
+    bend_rad = math.radians(bend_deg)
+    whole = Side(0.0, 0.0, 0.0, 14.0, VEHICLE.pass_m, 0.0, bends=((bend_at_m, bend_rad),))
+    (_, first), (_, second) = whole.pieces()
+    position = Position(VEHICLE)
+    lane = Lane(position, VEHICLE.blade_x_m)
+    position.place(first, 0.0, 0.0, 0.0)
+    x, y, yaw, run, curvature, piece = 0.0, 0.0, 0.0, 0.0, 0.0, first
+    off, speed = [], VEHICLE.cutting_speed_mps
+    for k in range(round(10.0 / speed / dt)):
+        motion = Motion(k * dt, speed, curvature, run, yaw, x, y)
+        position.predict(motion, cutting=False)
+        if piece is first and position.along(first) > bend_at_m - BEND_AHEAD_M:
+            lane.bends(bend_rad)
+            piece = second
+            position.begin(second, straight=False)
+        blade = Pose2(*position.pose).ahead(VEHICLE.blade_x_m)
+        lanes = [Pose2(*each.pose(0.0, VEHICLE.inset_m)) for each in (first, second)]
+        off.append(min(abs(each.seen_from(*blade[:2])[1]) for each in lanes))
+        angle = steering_law.follow(lane, motion, VEHICLE)
+        assert abs(angle) <= math.radians(VEHICLE.steer_limit_deg)
+        wanted = math.tan(angle) / VEHICLE.wheelbase_m
+        curvature += (wanted - curvature) * dt / VEHICLE.steer_lag_s
+        x, y = x + speed * math.cos(yaw) * dt, y + speed * math.sin(yaw) * dt
+        run, yaw = run + speed * dt, yaw + speed * curvature * dt
+    assert max(off) < 0.07
+    assert math.sqrt(np.mean(np.square(off))) < 0.015
+    assert lane.heading_rad == pytest.approx(0.0, abs=0.05)

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from host.core.messages import Frame
+from host.estimate.crop_ahead import AT_BLADE_PICTURES
 from host.pilot.behaviours.search import Search
 from host.pilot.leaps import LEAP_PICTURES
 from host.pilot.planned_strip import PlannedStrip
-from tests.helpers.behaving import CUTTING, NOW, Shown, moved, on_side
+from tests.helpers.behaving import CUTTING, NOW, Shown, moved, on_side, told
 
 
 @pytest.mark.parametrize("approached", [False, True])
@@ -46,6 +47,31 @@ def test_an_edge_well_before_where_a_strip_can_begin_is_anothers(
     assert isinstance(context.strip, PlannedStrip)
     context.strip.place(-before_m, 0.3, sigma_m)
     moved(context, 0.02, 0.3)
+    frame = Frame(NOW, np.zeros((2, 2, 3), np.uint8))
+    context.sight.take(frame, Search.gaze, context.strip, None, NOW, context.look.settled)
+    assert (context.estimate.lane.blade_offset_m < -0.05) is taken
+
+
+@pytest.mark.parametrize(
+    ("back_m", "ahead_m", "taken"), [(0.0, 0.0, True), (1.0, 0.0, False), (1.0, 0.9, True)]
+)
+def test_beside_its_own_swath_a_machine_that_has_backed_sees_no_edge_of_its_lane(
+    back_m: float, ahead_m: float, *, taken: bool
+) -> None:
+    """What stands there is the next strip's. Taken for the lane's, it moved the place by 0.9 m
+    (model field 13). At the swath's end its own crop stands again."""
+    eye = Shown(replace(CUTTING, edge_offset_m=0.3, edge_ahead_m=ahead_m))
+    context = on_side(eye=eye)
+    cut = context.estimate.cut
+    cut.take_telemetry(told())
+    for _ in range(AT_BLADE_PICTURES):
+        cut.take_picture(NOW, CUTTING)
+    backing = replace(told(-0.5), drive_duty=-120)
+    for k in range(round(back_m / 0.05)):
+        cut.take_telemetry(replace(backing, stamp=NOW + 0.1 * (k + 1)))
+    assert cut.over_cut_m == pytest.approx(back_m, abs=0.1)
+    context.estimate.lane.place(0.0, 0.0, 0.3, 0.02)
+    moved(context, 5.1, 0.3)
     frame = Frame(NOW, np.zeros((2, 2, 3), np.uint8))
     context.sight.take(frame, Search.gaze, context.strip, None, NOW, context.look.settled)
     assert (context.estimate.lane.blade_offset_m < -0.05) is taken
