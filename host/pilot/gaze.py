@@ -42,8 +42,6 @@ class Gaze:
     """The machine drives along a side, its blade's dust in the air."""
     on_side: bool = False
     """The crop ahead is the side's that is being cut."""
-    hesitates: bool = False
-    """The machine was told to stand for a doubt: an edge that leaps is believed in the end."""
     begins: bool = False
     """Crop before the blade is where the side begins."""
     ends: bool = False

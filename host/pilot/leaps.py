@@ -8,15 +8,14 @@ from typing import Final
 LEAP_M: Final = 0.35
 """An edge that lies farther from the lane has leapt: one picture is not enough to believe it. In
 dust, one that has leapt inside, but no farther than the blade is wide, is a patch of weeds' in the
-crop's face or the border of the dust."""
+crop's face or the border of the dust. Nearer ones are right: of the detector's sure pictures in
+dust 5 % err by 0.06 m inside and 14 % outside (library of the model eyes)."""
 LEAP_PICTURES, ALIKE_M = 3, 0.15
 """Sure pictures in a row that must show it, each within so much of the one before. The gate of a
 lane that a turn has left known to a third of a metre lets another strip's edge pass, and one
 picture in a hundred shows that."""
 LEAP_STAYS_S: Final = 2.0
 """It is believed when it stays that long after the blade was last turning."""
-INWARD_M: Final = 0.06
-"""In dust an edge that has moved inside by more is the dust's."""
 
 
 class Leaps:
@@ -40,7 +39,7 @@ class Leaps:
         return self._count >= LEAP_PICTURES
 
 
-def is_dusts(leap_m: float, in_dust: bool, blade_width_m: float) -> bool:
-    """Whether an edge in the blade's dust lies so far inside that it is rather a patch of weeds' or
-    the dust's; `in_dust`: few of the latest pictures are sure."""
-    return (INWARD_M if in_dust else LEAP_M) < leap_m < blade_width_m
+def is_dusts(leap_m: float, blade_width_m: float, blade_ago_s: float) -> bool:
+    """Whether an edge that lies so far inside is rather a patch of weeds' or the dust's: the blade
+    has turned blade_ago_s before."""
+    return LEAP_M < leap_m < blade_width_m and blade_ago_s < LEAP_STAYS_S

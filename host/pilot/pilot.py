@@ -238,7 +238,6 @@ class Pilot:
             self._behaviour.gaze,
             context.strip,
             context.turning,
-            context.since,
             context.look.settled,
         )
         strip, sight = context.strip, context.sight

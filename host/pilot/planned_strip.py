@@ -255,7 +255,8 @@ class PlannedStrip(PlanSide):
         self.cut_unseen()
         if self.estimate.position.beside and self.along_m(here) > self._pressed_m:
             self.estimate.position.look(self.planned_piece, None)
-        self.estimate.trails.note(*self.estimate.lane.left_end(self.vehicle.blade_width_m / 2))
+        left_end = self.estimate.lane.left_end(self.vehicle.blade_width_m / 2)
+        self.estimate.trails.note(*left_end, here)
         bends = [start for start, _ in self._pieces[self._at + 1 : self._at + 2]]
         if bends and self.along_m(here) > bends[0] - BEND_AHEAD_M:
             self._pass_bend()

@@ -16,7 +16,6 @@ from host.estimate import steady_looks
 from host.estimate.crop_ahead import (
     AT_BLADE_M,
     CONFIDENT,
-    EDGE_SURE,
     END_CLEAR_M,
     NEAR_CROP_M,
     Ahead,
@@ -28,7 +27,7 @@ from host.estimate.odometry import Motion
 from host.estimate.steady_looks import SteadyLooks
 from host.pilot.gaze import Gaze, Steady
 from host.pilot.in_crop import InCrop
-from host.pilot.leaps import INWARD_M, LEAP_STAYS_S, Leaps, is_dusts
+from host.pilot.leaps import LEAP_STAYS_S, Leaps, is_dusts
 from host.pilot.strip import Strip
 from host.pilot.turn_progress import ACROSS_RAD, Turning
 from host.pilot.whose_edge import WhoseEdge
@@ -100,8 +99,6 @@ class Sight:
         """The travelled distance at the last picture whose edge corrected the lane."""
         self.lane_at_m = math.inf
         """The same of pictures in the dust that told of it together."""
-        self.dust_doubts = False
-        """Whether pictures in the dust together show the edge elsewhere than it is believed."""
 
     def next_crop(self, gap_m: float) -> None:
         """Behind the crop that is being cut the next stands no nearer."""
@@ -145,11 +142,9 @@ class Sight:
         gaze: Gaze,
         strip: Strip,
         turning: Turning | None,
-        since: float,
         settled: Callable[[float], bool],
     ) -> None:
-        """A new picture. `since` is when the present phase began; `settled` says of a stamp whether
-        the dust has settled by then."""
+        """A new picture. `settled` says of a stamp whether the dust has settled by then."""
         if not gaze.looks:
             return
         estimate = self._estimate
@@ -183,20 +178,21 @@ class Sight:
         moved = self.unseen_m(then) > MOVED_M
         # A contradiction that lasts while the machine stands is believed in the end.
         due = moved or estimate.lane.contradicted
+        ago_s = then.stamp - estimate.cut.blade_stamp
         shows_lane = gaze.lane and abs(askew_rad) <= ACROSS_RAD and not beside
         self._take_beside(view, strip, turning, then)
         if shows_lane and sure and due and (not gaze.settles or settled(frame.stamp)):
             if self._whose.is_lanes(view, strip, turning, then):
                 edge_m = strip.edge_m(view, then)
                 leap_m = edge_m + estimate.lane.blade_offset_m
-                dusts = self._dusty_leap(leap_m, strip, gaze, then)
+                dusts = strip.placed and is_dusts(leap_m, self._vehicle.blade_width_m, ago_s)
                 if self._leap.confirmed(leap_m) and not dusts:
                     # Crop that stands elsewhere passes before a machine that turns.
                     self._take_edge(
                         view, edge_m, strip, then, since_shutter, gaze, not in_leg, moved=moved
                     )
             elif not in_leg:
-                dusty = gaze.cutting or then.stamp - since < LEAP_STAYS_S
+                dusty = gaze.cutting or ago_s < LEAP_STAYS_S
                 self._take_corner(view, strip, then, since_shutter, dusty=dusty)
         if not sure:
             self._leap.forget()
@@ -336,7 +332,6 @@ class Sight:
         """Where no picture is sure for a while, what many show together."""
         if not gaze.cutting or not self.ahead.entered or not self.unseen_m(then) > UNSEEN_M:
             self._dusty.clear()
-            self.dust_doubts = False
             return
         lane, edge = self._estimate.lane, strip.edge_m(view, then)
         seen = math.isfinite(edge) and view.confidence > 0.0
@@ -347,12 +342,9 @@ class Sight:
         line = self._dusty.take()
         if line is None:
             return
-        # What lies inside may be the dust's border all the time.
-        self.dust_doubts = line > INWARD_M and self.ahead.in_dust(*EDGE_SURE)
-        if not self.dust_doubts:
-            here = line - lane.blade_offset_m
-            self.lane_at_m = then.distance_m
-            lane.correct(here, math.nan, CONFIDENCE, (0.0, 0.0), learn=strip.teaches)
+        self.lane_at_m = then.distance_m
+        here = line - lane.blade_offset_m
+        lane.correct(here, math.nan, CONFIDENCE, (0.0, 0.0), learn=strip.teaches)
 
     def _take_beside(
         self, view: CropView, strip: Strip, turning: Turning | None, then: Motion
@@ -388,11 +380,3 @@ class Sight:
         clear = view.confidence >= CONFIDENT or not gaze.cutting
         if ends and clear and self.ahead.entered and view.crop_ahead_m < NEAR_CROP_M:
             strip.goes_on(seen.motion)
-
-    def _dusty_leap(self, leap_m: float, strip: Strip, gaze: Gaze, then: Motion) -> bool:
-        """Whether an edge that lies so far left of the lane's is the dust's."""
-        turned_s = then.stamp - self._estimate.cut.blade_stamp
-        dusty = (gaze.cutting or gaze.hesitates) and turned_s < LEAP_STAYS_S
-        # Before the side's crop is met the blade raises no dust.
-        in_dust = self.ahead.entered and self.ahead.in_dust(*EDGE_SURE)
-        return dusty and strip.placed and is_dusts(leap_m, in_dust, self._vehicle.blade_width_m)

@@ -17,17 +17,13 @@ class Look:
     """The present look, or the last."""
 
     def __init__(self) -> None:
-        self._until, self._time_s = math.inf, LOOK_S
+        self._until = math.inf
         self.at_m = -math.inf
         """The travelled distance where it was begun."""
 
     def begin(self, now: float, at_m: float, time_s: float = LOOK_S) -> None:
         """From now on, for time_s at most."""
-        self._until, self._time_s, self.at_m = now + time_s, time_s, at_m
-
-    def rolls(self, now: float) -> None:
-        """The machine does not stand yet, and its blade turns: the time counts from here on."""
-        self._until = now + self._time_s
+        self._until, self.at_m = now + time_s, at_m
 
     def settled(self, stamp: float) -> bool:
         """Whether the dust has had its time to settle."""

@@ -74,7 +74,7 @@ class BackOff(Behaviour):
     """See the module."""
 
     phase = Phase.HESITATE
-    gaze = Gaze(on_side=True, hesitates=True)
+    gaze = Gaze(on_side=True)
     reasons = (Why, SideEnd, Elsewhere, Patience, Standing)
 
     def __init__(self, context: Context) -> None:

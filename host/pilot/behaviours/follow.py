@@ -317,10 +317,7 @@ class Follow(Behaviour):
         return (
             (
                 untold_m > LOOK_AFTER_M
-                or (
-                    unseen_m > UNSEEN_M
-                    and (sight.dust_doubts or lane.offset_sigma_m > DUST_SIGMA_M)
-                )
+                or (unseen_m > UNSEEN_M and lane.offset_sigma_m > DUST_SIGMA_M)
             )
             and abs(here.distance_m - context.look.at_m) > LOOK_EVERY_M
             and strip.shows_edge(along - UNSEEN_M)

@@ -25,18 +25,15 @@ class Why(Reason):
 
 def rolls_on(context: Context, now: float) -> bool:
     """Whether the machine is still on its way to a stand. A blade that stops first pushes the last
-    crop over instead of cutting it, and the look begins when it has."""
-    rolls = now - context.since < STAND_S and not context.standing(now)
-    if rolls:
-        context.look.rolls(now)
-    return rolls
+    crop over instead of cutting it."""
+    return now - context.since < STAND_S and not context.standing(now)
 
 
 class LookAtEdge(Behaviour):
     """See the module."""
 
     phase = Phase.HESITATE
-    gaze = Gaze(on_side=True, hesitates=True, settles=True)
+    gaze = Gaze(on_side=True, settles=True)
     reasons = (Why, SideEnd, Elsewhere)
 
     def step(self, now: float) -> Step:

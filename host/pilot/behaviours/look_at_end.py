@@ -32,7 +32,7 @@ class LookAtEnd(Behaviour):
     """See the module."""
 
     phase = Phase.HESITATE
-    gaze = Gaze(on_side=True, hesitates=True, ends=True, settles=True)
+    gaze = Gaze(on_side=True, ends=True, settles=True)
     reasons = (Why, Beside, SideEnd, Elsewhere)
 
     def step(self, now: float) -> Step:

@@ -32,7 +32,7 @@ class Regain(Behaviour):
     """See the module."""
 
     phase = Phase.HESITATE
-    gaze = Gaze(on_side=True, hesitates=True)
+    gaze = Gaze(on_side=True)
     reasons = (Why,)
 
     def __init__(self, context: Context) -> None:

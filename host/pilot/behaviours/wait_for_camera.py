@@ -21,7 +21,7 @@ class WaitForCamera(Behaviour):
     """See the module."""
 
     phase = Phase.HESITATE
-    gaze = Gaze(hesitates=True)
+    gaze = Gaze()
     reasons = (Why, Patience, Standing)
 
     def step(self, now: float) -> Step:

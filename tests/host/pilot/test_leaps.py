@@ -37,5 +37,5 @@ def test_an_edge_far_from_a_lane_that_is_hardly_known_is_one_once_it_stays(
         sure = 0.0 if math.isnan(edge_m) else 0.9
         eye.view = replace(CUTTING, edge_offset_m=edge_m, confidence=sure)
         frame = Frame(NOW + 0.1 * k, np.zeros((2, 2, 3), np.uint8))
-        context.sight.take(frame, Search.gaze, context.strip, None, NOW, context.look.settled)
+        context.sight.take(frame, Search.gaze, context.strip, None, context.look.settled)
     assert (context.estimate.lane.blade_offset_m > 0.05) is taken

@@ -104,22 +104,6 @@ def test_an_edge_that_leaps_in_the_blades_dust_is_looked_at_again_without_it() -
     assert worst < 0.1
 
 
-def test_where_most_pictures_are_unsure_the_sure_ones_do_not_draw_it_inside() -> None:
-    """A puff of dust that goes with the blade: its border is always as far inside."""
-    world, eyes, pilot = cutting(LONG)
-    before = world.x
-
-    def puff(view: CropView) -> CropView:
-        sure = round(10 * world.now) % 4 == 0
-        dusty = world.command.blade
-        return replace(beside(0.2 * dusty)(view), confidence=0.9 if sure or not dusty else 0.2)
-
-    eyes.spoil = puff
-    drive(world, pilot, 200.0, until=lambda: pilot.cut_m > 20.0 or pilot.done)
-    assert pilot.cut_m > 20.0, pilot.reason
-    assert world.x == pytest.approx(before, abs=0.1)
-
-
 def test_where_nothing_is_to_be_seen_it_backs_off_and_looks_again() -> None:
     """As where crop fills the picture of a low camera."""
     world, eyes, pilot = cutting(metres=4.0)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from host.core.messages import Frame
+from host.estimate.crop_ahead import EDGE_SURE
 from host.estimate.edges_together import PICTURES
 from host.pilot.behaviours import BEHAVIOURS
 from host.pilot.behaviours.back_off import BackOff
@@ -53,7 +54,7 @@ def test_where_a_strip_begins_shows_while_the_machine_backs_away_from_it(
         stamp = NOW + 0.1 * k
         moved(context, from_m - 0.03 * k, -0.3, stamp=stamp)
         frame = Frame(stamp, np.zeros((2, 2, 3), np.uint8))
-        context.sight.take(frame, DriveTurn.gaze, context.strip, turning, NOW, context.look.settled)
+        context.sight.take(frame, DriveTurn.gaze, context.strip, turning, context.look.settled)
     assert math.isfinite(context.sight.ahead.begins_at_m) is seen
 
 
@@ -72,7 +73,7 @@ def test_what_a_turning_machine_sees_against_its_lane_makes_that_no_more_doubtfu
         stamp = NOW + 0.1 * k
         moved(context, -1.0 - 0.06 * k, -0.6, stamp=stamp)
         frame = Frame(stamp, np.zeros((2, 2, 3), np.uint8))
-        context.sight.take(frame, DriveTurn.gaze, context.strip, turning, NOW, context.look.settled)
+        context.sight.take(frame, DriveTurn.gaze, context.strip, turning, context.look.settled)
         if k == LEAP_PICTURES - 1:
             assert lane.contradicted
     assert (lane.offset_sigma_m < 1.1 * before) is turns
@@ -91,13 +92,35 @@ def test_standing_across_the_next_lane_no_edge_is_its(
     monkeypatch.setattr(context.turning, "against_lane", lambda _: against)
     context.sight.edge_at_m = 0.0
     frame = Frame(NOW + 0.1, np.zeros((2, 2, 3), np.uint8))
-    context.sight.take(frame, gaze, context.strip, context.turning, NOW, lambda _: True)
+    context.sight.take(frame, gaze, context.strip, context.turning, lambda _: True)
     assert (context.sight.edge_at_m > 0.0) is taken
+
+
+@pytest.mark.parametrize("inside_m", [0.1, 0.3])
+def test_a_sure_edge_inside_is_believed_in_the_dust_too(inside_m: float) -> None:
+    """Of the detector's sure pictures in dust 5 % err inside and 14 % outside. Edges inside that
+    were refused as the dust's were right in nine of ten, and the machine drove on beside its crop
+    (model field 23)."""
+    context = on_side(cut_m=3.0, eye=Shown(replace(CUTTING, edge_offset_m=inside_m)))
+    context.estimate.lane.place(0.0, 0.0, 0.2, 0.02)
+    context.sight.ahead.sure.extend([False] * EDGE_SURE[1])
+    telemetry = context.telemetry
+    assert telemetry is not None
+    context.sight.edge_at_m = 0.0
+    for k in range(LEAP_PICTURES):
+        stamp = NOW + 0.1 * k
+        blade = replace(telemetry, stamp=stamp, blade=True)
+        context.estimate.cut.take_telemetry(blade)
+        moved(context, 3.0 + 0.05 * k, 0.5, stamp=stamp)
+        frame = Frame(stamp, np.zeros((2, 2, 3), np.uint8))
+        context.sight.take(frame, Follow.gaze, context.strip, None, context.look.settled)
+    assert context.sight.edge_at_m > 0.0
+    assert context.estimate.lane.blade_offset_m < -0.05
 
 
 @pytest.mark.parametrize(("turned_s", "taken"), [(1.0, False), (3.0, True)])
 @pytest.mark.parametrize("gaze", [Follow.gaze, BackOff.gaze])
-def test_an_edge_inside_is_the_dusts_only_while_the_blade_has_turned_of_late(
+def test_an_edge_far_inside_is_the_dusts_only_while_the_blade_has_turned_of_late(
     gaze: Gaze, turned_s: float, taken: bool
 ) -> None:
     """A machine that the guard of its blade held in place saw its edge 0.6 m inside, surely, for
@@ -111,13 +134,13 @@ def test_an_edge_inside_is_the_dusts_only_while_the_blade_has_turned_of_late(
         stamp = NOW + turned_s + 0.01 * k
         moved(context, 3.0 + 0.02 * k, 0.2, stamp=stamp)
         frame = Frame(stamp, np.zeros((2, 2, 3), np.uint8))
-        context.sight.take(frame, gaze, context.strip, None, NOW - 20.0, lambda _: True)
+        context.sight.take(frame, gaze, context.strip, None, lambda _: True)
     assert (context.sight.edge_at_m > 0.0) is taken
 
 
-@pytest.mark.parametrize(("stood_s", "told"), [(3.0, True), (0.5, False)])
+@pytest.mark.parametrize(("stood_s", "tells"), [(3.0, True), (0.5, False)])
 def test_where_its_beginning_slants_a_standing_machine_takes_the_corner_for_its_edge(
-    stood_s: float, told: bool
+    stood_s: float, tells: bool
 ) -> None:
     """At the blade, once its dust has settled, where the lane is doubtful (random field 10133)."""
     slanting = replace(PLAN.sides[0], edge_begin_m=1.5)
@@ -129,10 +152,11 @@ def test_where_its_beginning_slants_a_standing_machine_takes_the_corner_for_its_
     moved(context, 0.2, stamp=NOW)
     lane = context.estimate.lane
     before_m = lane.offset_sigma_m
+    context.estimate.cut.blade_stamp = NOW - stood_s
     frame = Frame(NOW, np.zeros((2, 2, 3), np.uint8))
     settled = context.look.settled
-    context.sight.take(frame, BackOff.gaze, context.strip, None, NOW - stood_s, settled)
-    assert (lane.offset_sigma_m < 0.8 * before_m) is told
+    context.sight.take(frame, BackOff.gaze, context.strip, None, settled)
+    assert (lane.offset_sigma_m < 0.8 * before_m) is tells
 
 
 @pytest.mark.parametrize(
@@ -150,7 +174,7 @@ def test_crop_on_the_right_leads_aside_for_as_far_as_an_edge_may_lie(
         now = NOW + 0.1 * k
         moved(context, edge_at_m + lost_m - 0.01 * (11 - k), 0.5, stamp=now)
         frame = Frame(now, np.zeros((2, 2, 3), np.uint8))
-        context.sight.take(frame, Follow.gaze, context.strip, None, now, context.look.settled)
+        context.sight.take(frame, Follow.gaze, context.strip, None, context.look.settled)
     assert context.moves_aside(now) is (aside and shown.crop_right)
     assert not context.moves_aside(now + 10.0), "without eyes"
 
@@ -161,7 +185,7 @@ def test_only_pictures_of_the_cut_itself_say_how_dusty_it_is(doing: Doing) -> No
     moved(context, 5.1, 0.4)
     kind = BEHAVIOURS[doing]
     frame = Frame(NOW, np.zeros((2, 2, 3), np.uint8))
-    context.sight.take(frame, kind.gaze, context.strip, None, NOW, context.look.settled)
+    context.sight.take(frame, kind.gaze, context.strip, None, context.look.settled)
     assert list(context.sight.ahead.sure) == ([True] if kind is Follow else [])
 
 
@@ -173,7 +197,7 @@ def test_over_a_slanting_border_no_edge_is_missed() -> None:
         context = on_side(plan=plan, cut_m=along_m)
         moved(context, along_m, 0.4)
         frame = Frame(NOW, np.zeros((2, 2, 3), np.uint8))
-        context.sight.take(frame, Follow.gaze, context.strip, None, NOW, context.look.settled)
+        context.sight.take(frame, Follow.gaze, context.strip, None, context.look.settled)
         assert list(context.sight.ahead.sure) == sure
 
 
@@ -196,10 +220,9 @@ def test_where_nothing_stands_ahead_the_edge_beside_the_way_is_the_lanes(
     context.estimate.position.less_sure(0.3, 0.0)
     before = context.estimate.lane.blade_offset_m
     context.sight.edge_at_m = cut_m - 0.5
-    since = NOW - 10.0  # it stands, and looks
     for k in range(LEAP_PICTURES):
         frame = Frame(context.motion.stamp + 0.1 * k, np.zeros((1, 1, 3), np.uint8))
-        context.sight.take(frame, LookAtEnd.gaze, context.strip, None, since, lambda _: True)
+        context.sight.take(frame, LookAtEnd.gaze, context.strip, None, lambda _: True)
     moved_m = context.estimate.lane.blade_offset_m - before
     assert (moved_m < -0.3) is is_lane, "the lane lies left of the machine"
     assert context.sight.beside(context.motion) is is_lane
@@ -226,7 +249,7 @@ def test_beside_what_the_machine_has_cut_the_next_strip_stands(
     context.sight.edge_at_m = 4.5 - backed_m
     for k in range(LEAP_PICTURES):
         frame = Frame(stamp + 0.1 * k, np.zeros((1, 1, 3), np.uint8))
-        context.sight.take(frame, LookAtEnd.gaze, context.strip, None, NOW - 10.0, lambda _: True)
+        context.sight.take(frame, LookAtEnd.gaze, context.strip, None, lambda _: True)
     assert (context.estimate.lane.blade_offset_m - before < -0.3) is is_lane
     assert context.sight.beside(context.motion) is is_lane
 
@@ -252,7 +275,7 @@ def test_beside_where_the_blade_has_turned_what_it_has_left_stands_and_tells_not
     context.sight.edge_at_m = 2.0
     for k in range(LEAP_PICTURES):
         frame = Frame(stamp + 0.1 * k, np.zeros((1, 1, 3), np.uint8))
-        context.sight.take(frame, LookAtEnd.gaze, context.strip, None, NOW - 10.0, lambda _: True)
+        context.sight.take(frame, LookAtEnd.gaze, context.strip, None, lambda _: True)
     is_lane = not (mown and blade)
     assert (context.estimate.lane.blade_offset_m - before < -0.3) is is_lane
     assert context.sight.beside(context.motion) is is_lane
@@ -300,7 +323,7 @@ def test_backing_beside_the_next_strip_a_machine_sees_how_far_off_that_is(
         stamp = NOW + 0.1 * k
         moved(context, 5.0 - 0.03 * k, -0.3, stamp=stamp)
         frame = Frame(stamp, np.zeros((2, 2, 3), np.uint8))
-        context.sight.take(frame, DriveTurn.gaze, context.strip, turning, NOW, context.look.settled)
+        context.sight.take(frame, DriveTurn.gaze, context.strip, turning, context.look.settled)
     left_m = before - context.estimate.lane.blade_offset_m
     assert left_m == pytest.approx(taken_m, rel=0.1, abs=0.01)
 
@@ -320,7 +343,7 @@ def test_a_machine_that_backs_askew_sees_the_next_strip_before_it_elsewhere() ->
     before = context.estimate.lane.blade_offset_m
     for k in range(PICTURES):
         frame = Frame(NOW + 0.1 * k, np.zeros((2, 2, 3), np.uint8))
-        context.sight.take(frame, DriveTurn.gaze, context.strip, turning, NOW, context.look.settled)
+        context.sight.take(frame, DriveTurn.gaze, context.strip, turning, context.look.settled)
     aside_m = VEHICLE.blade_x_m * math.sin(turned_rad)
     assert before == pytest.approx(aside_m - next_m, abs=0.02)
     moved_m = context.estimate.lane.blade_offset_m - before
@@ -341,7 +364,7 @@ def test_what_most_pictures_show_beside_the_way_back_is_right() -> None:
     for k in range(PICTURES):
         eye.view = replace(right, edge_beside_m=next_m - 0.5) if k < PICTURES // 2 - 1 else right
         frame = Frame(NOW + 0.1 * k, np.zeros((2, 2, 3), np.uint8))
-        context.sight.take(frame, DriveTurn.gaze, context.strip, turning, NOW, context.look.settled)
+        context.sight.take(frame, DriveTurn.gaze, context.strip, turning, context.look.settled)
     assert context.sight.edge_at_m < math.inf
     assert context.estimate.lane.blade_offset_m == pytest.approx(-next_m, abs=0.01)
 
@@ -361,7 +384,7 @@ def test_beside_an_edge_that_teaches_no_rates_pictures_are_surer() -> None:
         frames = [Frame(NOW + 0.1 * k, np.zeros((2, 2, 3), np.uint8)) for k in range(PICTURES)]
         for frame in frames:
             gaze, settled = DriveTurn.gaze, context.look.settled
-            context.sight.take(frame, gaze, context.strip, turning, NOW, settled)
+            context.sight.take(frame, gaze, context.strip, turning, settled)
         unsure_m[recorded] = context.estimate.lane.offset_sigma_m
     assert unsure_m[True] < 0.9 * unsure_m[False]
 
@@ -379,7 +402,7 @@ def test_what_was_seen_beside_one_way_back_tells_nothing_of_the_next() -> None:
     for k in range(PICTURES + 1):
         turning = None if k == PICTURES - 1 else back
         frame = Frame(NOW + 0.1 * k, np.zeros((2, 2, 3), np.uint8))
-        context.sight.take(frame, DriveTurn.gaze, context.strip, turning, NOW, lambda _: False)
+        context.sight.take(frame, DriveTurn.gaze, context.strip, turning, lambda _: False)
     assert context.estimate.lane.blade_offset_m == before
 
 
@@ -394,6 +417,6 @@ def test_what_seems_to_lie_is_crop_only_where_the_plan_has_crop_beyond_doubt_or_
     view = replace(BESIDE, ahead_confidence=1.0, edge_beside_m=math.nan, lies_confidence=0.8)
     context = on_side(side, cut_m=PLAN.sides[side].length_m - left_m, eye=Shown(view))
     frame = Frame(context.motion.stamp, np.zeros((1, 1, 3), np.uint8))
-    context.sight.take(frame, Follow.gaze, context.strip, None, NOW - 10.0, lambda _: True)
+    context.sight.take(frame, Follow.gaze, context.strip, None, lambda _: True)
     assert context.sight.view is not None
     assert context.sight.view.crop_ahead_m == ahead_m

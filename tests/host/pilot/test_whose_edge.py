@@ -29,7 +29,7 @@ def test_beside_a_strip_that_was_begun_inside_a_tip_is_no_edge(
     moved(context, begun_m + 0.02, 0.3)
     for k in range(LEAP_PICTURES):
         frame = Frame(NOW + 0.1 * k, np.zeros((2, 2, 3), np.uint8))
-        context.sight.take(frame, Search.gaze, context.strip, None, NOW, context.look.settled)
+        context.sight.take(frame, Search.gaze, context.strip, None, context.look.settled)
     taken = context.estimate.lane.blade_offset_m > 0.05
     assert taken is (approached or begun_m > 1.0 or outside_m < 0.3)
 
@@ -48,7 +48,7 @@ def test_an_edge_well_before_where_a_strip_can_begin_is_anothers(
     context.strip.place(-before_m, 0.3, sigma_m)
     moved(context, 0.02, 0.3)
     frame = Frame(NOW, np.zeros((2, 2, 3), np.uint8))
-    context.sight.take(frame, Search.gaze, context.strip, None, NOW, context.look.settled)
+    context.sight.take(frame, Search.gaze, context.strip, None, context.look.settled)
     assert (context.estimate.lane.blade_offset_m < -0.05) is taken
 
 
@@ -73,5 +73,5 @@ def test_beside_its_own_swath_a_machine_that_has_backed_sees_no_edge_of_its_lane
     context.estimate.lane.place(0.0, 0.0, 0.3, 0.02)
     moved(context, 5.1, 0.3)
     frame = Frame(NOW, np.zeros((2, 2, 3), np.uint8))
-    context.sight.take(frame, Search.gaze, context.strip, None, NOW, context.look.settled)
+    context.sight.take(frame, Search.gaze, context.strip, None, context.look.settled)
     assert (context.estimate.lane.blade_offset_m < -0.05) is taken

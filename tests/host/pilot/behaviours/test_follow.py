@@ -506,7 +506,7 @@ def test_only_a_lane_that_pictures_tell_of_tells_of_the_place(seen: bool) -> Non
         now = NOW + 0.2 * k
         moved(context, 5.0 + 0.1 * k, 0.5, stamp=now)
         frame = Frame(now, np.zeros((2, 2, 3), np.uint8))
-        context.sight.take(frame, Follow.gaze, context.strip, None, now, context.look.settled)
+        context.sight.take(frame, Follow.gaze, context.strip, None, context.look.settled)
         follow.step(now)
     after = context.estimate.position.against_lane()[2]
     assert (after < before) is seen

@@ -11,7 +11,7 @@ from host.pilot.behaviours.look_at_edge import Why as EdgeLook
 from host.pilot.behaviours.look_at_end import LookAtEnd
 from host.pilot.context import STAND_S
 from host.pilot.endings import SideEnd
-from host.pilot.stop_and_look import LOOK_S, SETTLE_S
+from host.pilot.stop_and_look import LOOK_S
 from tests.helpers.behaving import NOW, PLAN, clear_ahead, is_for, moved, on_side
 
 
@@ -35,22 +35,6 @@ def test_a_look_at_the_edge_ends_with_a_sight_or_with_its_time() -> None:
     assert is_for(LookAtEdge(context).step(NOW + LOOK_S + 0.1)[1], EdgeLook.NO_CLEARER)
     context.sight.edge_at_m = 5.0
     assert is_for(LookAtEdge(context).step(NOW + 0.5)[1], EdgeLook.SEEN)
-
-
-def test_a_look_lasts_as_long_from_where_the_machine_stands() -> None:
-    """Until then the blade turns, and its dust is in the air: a look that counted from its word
-    was over before the dust had settled (model field 23)."""
-    context = on_side()
-    context.look.begin(NOW, 5.0)
-    context.sight.edge_at_m = 4.0
-    look = LookAtEdge(context)
-    moved(context, 5.1, 0.3)
-    look.step(NOW + 1.0)
-    moved(context, 5.1, stamp=NOW + 1.1)
-    assert not context.look.settled(NOW + SETTLE_S + 0.9)
-    assert context.look.settled(NOW + SETTLE_S + 1.1)
-    assert is_for(look.step(NOW + LOOK_S + 0.9)[1], None)
-    assert is_for(look.step(NOW + LOOK_S + 1.1)[1], EdgeLook.NO_CLEARER)
 
 
 @pytest.mark.parametrize(

@@ -41,13 +41,14 @@ def test_a_machine_that_went_back_for_its_crop_takes_whatever_edge_it_sees(
     context = on_side(plan=replace(PLAN, sides=(side, *PLAN.sides[1:])), cut_m=0.5, eye=eye)
     context.estimate.lane.place(0.0, 0.0, 0.3, 0.02)
     context.sight.ahead.approached = False
+    context.estimate.cut.blade_stamp = NOW
     if back:
         refused(context, beside=True)
         Regain(context).enter(NOW)
     for k in range(LEAP_PICTURES):
         moved(context, 0.52 + 0.02 * k, 0.3, stamp=NOW + 0.1 * k)
         frame = Frame(NOW + 0.1 * k, np.zeros((2, 2, 3), np.uint8))
-        context.sight.take(frame, Regain.gaze, context.strip, None, NOW, context.look.settled)
+        context.sight.take(frame, Regain.gaze, context.strip, None, context.look.settled)
     assert (context.estimate.lane.blade_offset_m > 0.05) is back
 
 
