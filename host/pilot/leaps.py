@@ -9,7 +9,7 @@ LEAP_M: Final = 0.35
 """An edge that lies farther from the lane has leapt: one picture is not enough to believe it. In
 dust, one that has leapt inside, but no farther than the blade is wide, is a patch of weeds' in the
 crop's face or the border of the dust. Nearer ones are right: of the detector's sure pictures in
-dust 5 % err by 0.06 m inside and 14 % outside (library of the model eyes)."""
+dust 5 % err by 0.06 m inside and 13 % outside (library of the model eyes)."""
 LEAP_PICTURES, ALIKE_M = 3, 0.15
 """Sure pictures in a row that must show it, each within so much of the one before. The gate of a
 lane that a turn has left known to a third of a metre lets another strip's edge pass, and one

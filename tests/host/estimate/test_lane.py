@@ -403,6 +403,21 @@ def test_one_roll_errs_as_a_share_of_how_far_it_has_gone(rolled_m: float) -> Non
     assert math.sqrt(variances[1] - variances[0]) == pytest.approx(rolled_m, rel=0.1)
 
 
+def test_where_bends_follow_each_other_what_is_still_to_turn_adds_up() -> None:
+    """And is over with the strip."""
+    machine, bend_rad = OnLane(VEHICLE), math.radians(10.0)
+    at = machine.position.on_lane().blade_m
+    decay = math.exp(-max(0.0, at) / VEHICLE.blade_x_m)
+    machine.lane.bends(bend_rad)
+    first = machine.lane.rounding_rad
+    assert first == pytest.approx(2.0 * math.atan(decay * math.tan(bend_rad / 2)))
+    machine.lane.bends(bend_rad)
+    both = 2.0 * math.atan(decay * math.tan((first + bend_rad) / 2))
+    assert machine.lane.rounding_rad == pytest.approx(both)
+    machine.lane.begin()
+    assert machine.lane.rounding_rad == 0.0
+
+
 def test_how_sure_a_machine_is_where_it_will_have_backed_to() -> None:
     """As sure as it then is."""
     position = Position(VEHICLE)

@@ -98,7 +98,7 @@ def test_standing_across_the_next_lane_no_edge_is_its(
 
 @pytest.mark.parametrize("inside_m", [0.1, 0.3])
 def test_a_sure_edge_inside_is_believed_in_the_dust_too(inside_m: float) -> None:
-    """Of the detector's sure pictures in dust 5 % err inside and 14 % outside. Edges inside that
+    """Of the detector's sure pictures in dust 5 % err inside and 13 % outside. Edges inside that
     were refused as the dust's were right in nine of ten, and the machine drove on beside its crop
     (model field 23)."""
     context = on_side(cut_m=3.0, eye=Shown(replace(CUTTING, edge_offset_m=inside_m)))
