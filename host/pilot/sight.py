@@ -21,7 +21,7 @@ from host.estimate.crop_ahead import (
     Ahead,
     EndOfField,
 )
-from host.estimate.edges_together import CONFIDENCE, HALF, EdgesTogether
+from host.estimate.edges_together import CONFIDENCE, EdgesTogether
 from host.estimate.estimator import Estimator
 from host.estimate.odometry import Motion
 from host.estimate.steady_looks import SteadyLooks
@@ -71,7 +71,7 @@ class Sight:
         self._vehicle = vehicle
         self._detector = detector
         self._estimate = estimate
-        self._dusty, self._beside = EdgesTogether(), EdgesTogether(HALF)
+        self._dusty, self._beside = EdgesTogether(), EdgesTogether()
         self._looks = SteadyLooks()
         self._in_crop = InCrop()
         self._leap = Leaps()

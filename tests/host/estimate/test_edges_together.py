@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from host.estimate.edges_together import OUTER_SHARE, PICTURES, WINDOW_S, EdgesTogether
+from host.estimate.edges_together import PICTURES, WINDOW_S, EdgesTogether
 
 
 def told(edges: list[float], every_s: float = 0.1) -> list[float]:
@@ -24,7 +24,7 @@ def told(edges: list[float], every_s: float = 0.1) -> list[float]:
 @given(st.floats(-0.5, 0.5), st.integers(0, 2**32 - 1))
 def test_edges_of_which_a_few_lie_inside_tell_the_outer_place(true: float, seed: int) -> None:
     rng = np.random.default_rng(seed)
-    inside = rng.permutation(PICTURES) < PICTURES * (1 - OUTER_SHARE) / 2
+    inside = rng.permutation(PICTURES) < 0.3 * PICTURES
     edges = true + rng.uniform(-0.02, 0.02, PICTURES) + inside * rng.uniform(0.1, 0.6, PICTURES)
     (line,) = told(edges.tolist())
     assert line == pytest.approx(true, abs=0.03)
