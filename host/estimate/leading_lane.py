@@ -15,9 +15,9 @@ import numpy as np
 
 from host.estimate.kalman import Array
 from host.estimate.place import Place
-from host.estimate.states import AHEAD, LANE, LANE_OFFSET, LANE_YAW, WANDER
+from host.estimate.states import LANE, LANE_OFFSET, LANE_YAW, WANDER
 
-LEADING: Final = (LANE_OFFSET, LANE_YAW, WANDER, AHEAD)
+LEADING: Final = (LANE_OFFSET, LANE_YAW, WANDER)
 """What leads the machine along an edge."""
 
 

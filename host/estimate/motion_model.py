@@ -10,7 +10,6 @@ from host.estimate.kalman import Array
 from host.estimate.odometry import Motion
 from host.estimate.outline import STRAYS_M
 from host.estimate.states import (
-    AHEAD,
     CRAB,
     CURVE,
     GRADE_X,
@@ -67,14 +66,6 @@ SIGHT_SIGMA_M, SIGHT_OVER_M = 0.045, 150.0
 over 120 random fields, each with a mount and a lens of its own), and the way over which that is
 another: some sides, along which light and dust are another's. Strip after strip is so much wider or
 narrower than planned: turns by dead reckoning and the ends of the sides across tell it."""
-
-
-AHEAD_SIGMA_RAD, AHEAD_OVER_M = 0.1, 2.0
-"""Of what an edge errs for each metre that it is seen ahead of the blade, and the way over which
-that is another: pictures show no direction, a side's first crop may have been trimmed by the turn
-before, and what stands farther ahead may be another's. A machine that drives up to it is shown the
-same error in every picture: counted anew in each, it turned one by 16 degrees (model field
-12345)."""
 
 
 class Wander(NamedTuple):
@@ -141,7 +132,7 @@ def _move(
     wander_m: float,
 ) -> None:
     """`move` by a step and a turn, compiled: of the Jacobian all rows are the unit matrix's but
-    those of the pose, of CRAB, WANDER, SIGHT and AHEAD, and those hold few states."""
+    those of the pose, of CRAB, WANDER and SIGHT, and those hold few states."""
     run = abs(step)
     of_scale = 0.0
     if gyro_noise > 0.0:
@@ -162,7 +153,6 @@ def _move(
     aside = run * x[CRAB]
     crab, same = math.exp(-abs(turn) / CRAB_TURN_RAD), math.exp(-run / wander_m)
     alike = math.exp(-run / SIGHT_OVER_M)
-    ahead_same = math.exp(-run / AHEAD_OVER_M)
     ahead, left = step * c - aside * s, step * s + aside * c
     x[X] += ahead
     x[Y] += left
@@ -170,7 +160,6 @@ def _move(
     x[CRAB] *= crab
     x[WANDER] *= same
     x[SIGHT] *= alike
-    x[AHEAD] *= ahead_same
     for columns in (False, True):
         q = p.T if columns else p
         for k in range(len(x)):
@@ -186,7 +175,6 @@ def _move(
             q[CRAB, k] *= crab
             q[WANDER, k] *= same
             q[SIGHT, k] *= alike
-            q[AHEAD, k] *= ahead_same
     # Neighbouring steps err alike: their errors grow along a metre as one.
     across_m2 = STEP_SIGMA[1] ** 2 * run
     p[X, X] += c * c * along_m2 + s * s * across_m2
@@ -196,6 +184,5 @@ def _move(
     p[YAW, YAW] += yaw
     p[CURVE, CURVE] += CURVE_PER_M**2 * run
     p[SIGHT, SIGHT] += SIGHT_SIGMA_M**2 * (1.0 - alike**2)
-    p[AHEAD, AHEAD] += AHEAD_SIGMA_RAD**2 * (1.0 - ahead_same**2)
     p[CRAB, CRAB] += CRAB_SIGMA**2 * (1.0 - crab**2)
     p[WANDER, WANDER] += wander_sigma_m**2 * (1.0 - same**2)

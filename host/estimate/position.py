@@ -13,8 +13,9 @@ machine's. Beside that straight line the edge wanders, and the machine with it.
 A walked boundary is a metre off and some degrees. So its corners are landmarks: beside the first
 strips, and at their ends, the machine finds where the edges lie (host.estimate.outline).
 
-What seems to be an end may be none. Where that makes over half a metre, it may be at two places,
-until what it sees next has decided (`Filter`). It drives by the likelier; the geofence asks both.
+What seems to be an end may be none. Where that makes more than half a metre, the machine may be at
+two places, until what it sees next has decided (`host.estimate.kalman.Filter`). It drives by the
+likelier. The geofence asks both.
 """
 
 from __future__ import annotations
@@ -33,12 +34,11 @@ from host.estimate.lanes import LANE_SIGMA, Aside, Known, Lanes, caught_up, stra
 from host.estimate.measurements import begin, course, end
 from host.estimate.measurements.begin import MET_SIGMA_M
 from host.estimate.measurements.goes_on import to_border
-from host.estimate.motion_model import AHEAD_SIGMA_RAD, BENT, CUT, DRILLED, TRIMMED, Wander, move
+from host.estimate.motion_model import BENT, CUT, DRILLED, TRIMMED, Wander, move
 from host.estimate.odometry import Motion
 from host.estimate.outline import Outline
 from host.estimate.readings import NO_SIDE, Readings
 from host.estimate.states import (
-    AHEAD,
     CURVE,
     GRADE_X,
     GRADE_Y,
@@ -81,7 +81,8 @@ class Position(Readings):
         self._lanes = Lanes(vehicle.blade_width_m, range(self.outline.at.stop, len(self._x), 2))
         self._wander, self._trimmed, self._doubt = DRILLED, False, doubt.Doubt()
         self._undoubted = math.inf
-        """Standard deviation of where its edge was seen before it was doubted, m; else inf."""
+        """Standard deviation of where the present lane's edge is seen, before what contradicted it
+        made it doubtful, m; inf: nothing has."""
         self.aside = Aside()
         """Of the present lane."""
         self.open(0.0, 0.0, *prior.OPEN_SIGMA)
@@ -144,15 +145,14 @@ class Position(Readings):
         self.aside = Aside()
 
     def _other_edge(self, side: Side, beside: Wander | None = None) -> None:
-        """Nothing is known yet of how this one wanders and runs, as it is seen."""
+        """Nothing is known yet of how this one wanders, as it is seen."""
         self._lane_of, self._beside, self._undoubted = side, beside, math.inf
         edge = CUT if self._inside or self._lanes.knows(side) else DRILLED
         self._wander = beside or (BENT if self.outline.bends(side) else edge)
-        own = [WANDER, AHEAD]
-        self._x[own] = self._apart[own] = 0.0
+        self._x[WANDER] = self._apart[WANDER] = 0.0
         for p in self._covariances:
-            p[own, :] = p[:, own] = 0.0
-            p[own, own] = self._wanders.sigma_m**2, AHEAD_SIGMA_RAD**2
+            p[WANDER, :] = p[:, WANDER] = 0.0
+            p[WANDER, WANDER] = self._wanders.sigma_m**2
 
     @property
     def _wanders(self) -> Wander:

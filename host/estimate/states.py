@@ -21,9 +21,8 @@ from typing import Final
     GYRO_SCALE,
     GRADE_X,
     GRADE_Y,
-    AHEAD,
     CORNERS,
-) = range(18)
+) = range(17)
 """Pose in the field frame, m and rad; share of their way that the driven wheels lose by pushing the
 blade through crop; the present lane against the edge that it runs along, m and rad; the courses'
 direction against the plan's, rad; curvature that the pot does not show, 1/m; what the gyroscope
@@ -31,9 +30,8 @@ shows at rest, besides what has been taken off it, rad/s; how far the machine dr
 for each metre; how far left of its lane's straight line the crop's edge lies here, m; how far left
 of its true place every picture shows it, m; share of their way that the wheels always lose, by
 rolling and by what their sensor's scale is wrong; share of what is turned that the gyroscope shows
-too much, besides what has been taken off it; what of their way the wheels lose uphill, along x
-and y of the field frame; and how far left of its place an edge ahead of the blade is seen, m for
-each metre. From CORNERS on, two by two, how far the boundary's corners lie
+too much, besides what has been taken off it; and what of their way the wheels lose uphill, along x
+and y of the field frame. From CORNERS on, two by two, how far the boundary's corners lie
 from where they are taken to be, m, if they are to be found (`Outline.at`); and behind them, two by
 two, lanes that were cut, as the present one (`host.estimate.lanes`)."""
 POSE: Final = slice(X, YAW + 1)

@@ -14,7 +14,7 @@ import numpy as np
 
 from host.estimate.kalman import Array, Measurement
 from host.estimate.place import Place
-from host.estimate.states import AHEAD, LANE_YAW, WANDER
+from host.estimate.states import LANE_YAW, WANDER
 
 NOISE_M = 0.05
 """Of one sure picture's edge."""
@@ -23,9 +23,9 @@ LASTING_SIGMA_M = 0.035
 own unevenness. The error of the detector's sure pictures of the cut is 0.03 to 0.045 m, and half of
 it is gone after 0.25 to 0.5 m (library of the model eyes). Larger: looks without dust come
 sooner."""
-AHEAD_NOISE_RAD = 0.1
-"""What an edge seen farther ahead errs for each metre in one picture, besides what stays the same
-all the way there (`motion_model.AHEAD_SIGMA_RAD`)."""
+AHEAD_NOISE_RAD = 0.15
+"""What an edge seen farther ahead errs for each metre: pictures show no direction, and a side's
+first crop may have been trimmed by the turn before."""
 DIRECTION_NOISE_RAD = math.radians(2.5)
 DOUBT = 3.0
 """Noise of a picture without confidence, in times more than a sure one's."""
@@ -52,9 +52,8 @@ def edge(
     offset = place.across_m - step * math.sin((heading + now) / 2)
     doubt = 1.0 + DOUBT * (1.0 - confidence)
     h = place.ahead(at, along)
-    h[WANDER], h[AHEAD] = -1.0, -ahead_m
-    strays = float(place.x[WANDER]) + ahead_m * float(place.x[AHEAD])
-    expected = offset + at * math.sin(heading) - place.lane_at(along) - strays
+    h[WANDER] = -1.0
+    expected = offset + at * math.sin(heading) - place.lane_at(along) - float(place.x[WANDER])
     z = [-edge_offset_m * math.cos(heading - lane_yaw) - expected]
     variances = [(NOISE_M * doubt) ** 2 + (AHEAD_NOISE_RAD * ahead_m) ** 2]
     rows = [h]

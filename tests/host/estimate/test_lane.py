@@ -403,20 +403,6 @@ def test_one_roll_errs_as_a_share_of_how_far_it_has_gone(rolled_m: float) -> Non
     assert math.sqrt(variances[1] - variances[0]) == pytest.approx(rolled_m, rel=0.1)
 
 
-def test_what_is_seen_wrongly_ahead_all_the_way_there_hardly_turns_a_machine() -> None:
-    """Three metres before its blade pictures showed another crop's edge, each within what one edge
-    may err. Counted anew in each, that turned a machine by 16 degrees against its gyroscope (model
-    field 12345)."""
-    machine = OnLane(VEHICLE)
-    machine.lane.place(0.0, 0.0, 0.05, math.radians(2.0))
-    for k in range(60):
-        run_m = 0.04 * k
-        machine.predict(replace(motion(run_m), gyro_noise=math.radians(0.08)))
-        ahead_m = 3.0 - run_m
-        machine.lane.correct(0.2 * ahead_m, math.nan, 1.0, (0.0, 0.0), ahead_m=ahead_m)
-    assert math.degrees(abs(machine.lane.heading_rad)) < 2.0
-
-
 def test_where_bends_follow_each_other_what_is_still_to_turn_adds_up() -> None:
     """And is over with the strip."""
     machine, bend_rad = OnLane(VEHICLE), math.radians(10.0)
