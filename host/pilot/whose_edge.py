@@ -25,11 +25,11 @@ that a picture shows while the lane lies farther away is another one's."""
 TIP_M = 1.0
 """Of a strip that is begun inside, at whose right the last one's tip may stand: what a turn leaves
 of its beginning at most, twice."""
+TIP_SIGMAS = 3.0
+"""Of the lane, beyond which even a strip that is begun outside has such a tip at its right."""
 OWN_SWATH_M = 0.3
 """Nearer than the end of its own swath by more, a machine that has backed over it sees crop beside
 it, and no edge of its lane: every face's foot is known to a decimetre or two."""
-TIP_SIGMAS = 3.0
-"""Of the lane, beyond which even a strip that is begun outside has such a tip at its right."""
 
 
 class WhoseEdge:

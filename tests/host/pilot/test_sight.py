@@ -96,6 +96,28 @@ def test_standing_across_the_next_lane_no_edge_is_its(
     assert (context.sight.edge_at_m > 0.0) is taken
 
 
+@pytest.mark.parametrize(
+    ("ahead_m", "aside_m", "tells", "goes_on"),
+    [(1.4, 0.3, True, True), (1.6, 0.3, False, True), (1.6, 0.6, False, False)],
+)
+def test_an_edge_far_ahead_tells_that_the_strip_goes_on_and_nothing_of_the_lane(
+    ahead_m: float, aside_m: float, *, tells: bool, goes_on: bool
+) -> None:
+    """Of sure ones one in five is another's, in every picture on the way there."""
+    shown = replace(
+        CUTTING, edge_offset_m=aside_m, edge_ahead_m=ahead_m, crop_ahead_m=ahead_m, confidence=0.95
+    )
+    context = on_side(cut_m=None, eye=Shown(shown))
+    context.estimate.lane.place(0.0, 0.0, 0.3, 0.05)
+    context.strip.search_m = 0.0
+    for k in range(LEAP_PICTURES):
+        moved(context, 0.1 + 0.05 * k, 0.3, stamp=NOW + 0.1 * k)
+        frame = Frame(NOW + 0.1 * k, np.zeros((2, 2, 3), np.uint8))
+        context.sight.take(frame, Search.gaze, context.strip, None, context.look.settled)
+    assert (context.estimate.lane.blade_offset_m < -0.05) is tells
+    assert (context.strip.search_m > ahead_m) is goes_on
+
+
 @pytest.mark.parametrize("inside_m", [0.1, 0.3])
 def test_a_sure_edge_inside_is_believed_in_the_dust_too(inside_m: float) -> None:
     """Of the detector's sure pictures in dust 5 % err inside and 13 % outside. Edges inside that
